@@ -1,0 +1,1 @@
+"""Target-driven visual navigation with learned rewards, in JAX."""

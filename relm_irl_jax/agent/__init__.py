@@ -1,0 +1,1 @@
+"""The target-driven actor-critic: networks, rollout, update, training."""

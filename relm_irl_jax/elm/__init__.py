@@ -1,0 +1,1 @@
+"""The regularised extreme learning machine: random hidden layer, MRSR ordering, PRESS selection."""

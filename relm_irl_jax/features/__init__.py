@@ -1,0 +1,1 @@
+"""Features of views: the image encoder, its weights and the cache."""

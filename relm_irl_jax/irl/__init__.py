@@ -1,0 +1,1 @@
+"""Inverse reinforcement learning: reward weights from expert trajectories."""

@@ -1,0 +1,53 @@
+"""Progress of long work: what is done, the rate and the time left, on standard error."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    Task,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+from rich.text import Text
+
+console = Console(stderr=True)
+
+
+class _Rate(ProgressColumn):
+    """Completed units per second; the mean over the whole work once it is done."""
+
+    def render(self, task: Task) -> Text:
+        """Return the rate with its unit, or a dash before the first unit is done."""
+        rate = task.finished_speed or task.speed
+        return Text("-" if rate is None else f"{rate:,.0f} {task.fields['unit']}/s", style="cyan")
+
+
+@contextmanager
+def progress_bar(description: str, total: int, unit: str) -> Iterator[Callable[[int], None]]:
+    """Show a bar while the block runs.
+
+    Args:
+        description: what is being done, for example `rendering bathroom-0`.
+        total: number of units of the whole work.
+        unit: plural noun of one unit, for example `views`.
+
+    Yields:
+        A function that takes the number of units done since its last call.
+    """
+    columns = (
+        TextColumn("{task.description:<28}"),
+        BarColumn(bar_width=24),
+        MofNCompleteColumn(),
+        _Rate(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=console) as progress:
+        task = progress.add_task(description, total=total, unit=unit)
+        yield lambda done: progress.advance(task, done)

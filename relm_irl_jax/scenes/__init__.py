@@ -1,0 +1,1 @@
+"""Scenes: the structure, the file format and the sources."""

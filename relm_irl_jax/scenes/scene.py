@@ -1,0 +1,128 @@
+"""The scene: what every source writes and everything downstream reads.
+
+A scene is a finite navigation problem with pictures. A *state* is a place on a 0.5 m grid together with one of
+four headings; an *action* moves the camera one step or turns it by 90 degrees; each state has one view.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float32, Float64, Int32, UInt8
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import shortest_path
+
+ACTIONS = ("MoveAhead", "RotateRight", "RotateLeft", "MoveBack")
+"""Names of the four actions, in the order of the columns of `Scene.graph`."""
+
+GRID_STEP = 0.5
+"""Length of one move in metres."""
+
+HEADINGS = (0.0, 90.0, 180.0, 270.0)
+"""Headings in degrees: 0 faces +z, 90 faces +x."""
+
+ROOM_TYPES = ("bathroom", "bedroom", "living_room")
+"""The room types that the paper reports."""
+
+COLLISION = -1
+"""Entry of `Scene.graph` where the action would collide and leaves the state unchanged."""
+
+UNREACHABLE = -1
+"""Entry of `Scene.shortest_path_distance` where no path exists."""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """One scene, as arrays on the host.
+
+    Attributes:
+        name: unique name, for example `bathroom-0`.
+        room_type: one of `ROOM_TYPES`, or another type's name for scenes from elsewhere.
+        location: place (x, z) of each state, in metres.
+        rotation: heading of each state, in degrees, one of `HEADINGS`.
+        graph: next state for each action of `ACTIONS`, or `COLLISION`.
+        shortest_path_distance: least number of actions from row to column, or `UNREACHABLE`.
+        observation: view of each state as RGB; None where only features are held.
+        features: encoded view of each state; None before encoding.
+        visible_object: share of the view that each category covers, in [0, 1]; None without labels.
+        categories: name of each column of `visible_object`.
+        source: what wrote the scene, for example `rooms/1`.
+        encoder: what wrote `features`; empty before encoding.
+    """
+
+    name: str
+    room_type: str
+    location: Float64[np.ndarray, "states 2"]
+    rotation: Float64[np.ndarray, "states"]
+    graph: Int32[np.ndarray, "states 4"]
+    shortest_path_distance: Int32[np.ndarray, "states states"]
+    observation: UInt8[np.ndarray, "states height width 3"] | None = None
+    features: Float32[np.ndarray, "states feature"] | None = None
+    visible_object: Float32[np.ndarray, "states category"] | None = None
+    categories: tuple[str, ...] = ()
+    source: str = ""
+    encoder: str = ""
+
+    @property
+    def n_states(self) -> int:
+        """Number of states."""
+        return len(self.graph)
+
+
+def pose_graph(
+    places: Sequence[tuple[int, int]],
+) -> tuple[Float64[np.ndarray, "states 2"], Float64[np.ndarray, "states"], Int32[np.ndarray, "states 4"]]:
+    """Build states and moves from the free places of a grid.
+
+    Every free place gets four states, one per heading, in the order of `HEADINGS`. MoveAhead and MoveBack lead to the
+    neighbouring place along the heading if it is free and collide otherwise; turns stay in place.
+
+    Args:
+        places: distinct integer grid coordinates (column along x, row along z) of the free places.
+
+    Returns:
+        Location in metres, rotation in degrees and graph, as in `Scene`.
+    """
+    index = {place: number for number, place in enumerate(places)}
+    forward = ((0, 1), (1, 0), (0, -1), (-1, 0))
+    graph = np.full((4 * len(places), 4), COLLISION, np.int32)
+    for (column, row), number in index.items():
+        for heading, (dx, dz) in enumerate(forward):
+            ahead = index.get((column + dx, row + dz))
+            back = index.get((column - dx, row - dz))
+            graph[4 * number + heading] = (
+                COLLISION if ahead is None else 4 * ahead + heading,
+                4 * number + (heading + 1) % 4,
+                4 * number + (heading - 1) % 4,
+                COLLISION if back is None else 4 * back + heading,
+            )
+    location = np.repeat(np.asarray(places, np.float64).reshape(-1, 2) * GRID_STEP, 4, axis=0)
+    rotation = np.tile(np.asarray(HEADINGS), len(places))
+    return location, rotation, graph
+
+
+def shortest_path_distances(graph: Int32[np.ndarray, "states 4"]) -> Int32[np.ndarray, "states states"]:
+    """Least number of actions between all pairs of states, by breadth-first search along directed edges.
+
+    Args:
+        graph: next state for each action, or `COLLISION`.
+
+    Returns:
+        Distance from row to column, `UNREACHABLE` where there is no path.
+    """
+    state, action = np.nonzero(graph != COLLISION)
+    edges = csr_array((np.ones(len(state)), (state, graph[state, action])), shape=(len(graph), len(graph)))
+    distance = shortest_path(edges, method="D", unweighted=True)
+    return np.where(np.isinf(distance), UNREACHABLE, distance).astype(np.int32)
+
+
+def successors(graph: Int32[np.ndarray, "states 4"]) -> Int32[np.ndarray, "states 4"]:
+    """Next state for each action, a collision leading back to the state itself.
+
+    Args:
+        graph: next state for each action, or `COLLISION`.
+
+    Returns:
+        Next state for each action; every entry is a state.
+    """
+    return np.where(graph == COLLISION, np.arange(len(graph), dtype=np.int32)[:, None], graph).astype(np.int32)
