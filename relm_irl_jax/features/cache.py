@@ -1,0 +1,82 @@
+"""Features on disk, keyed by all that they depend on: the views and the encoder's fingerprint."""
+
+import hashlib
+import os
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float32
+from safetensors import SafetensorError, safe_open
+from safetensors.numpy import save
+
+from relm_irl_jax.features.encoder import Encoder, Views, encode
+from relm_irl_jax.features.resnet import N_FEATURES
+from relm_irl_jax.progress import console
+
+
+def encode_cached(
+    views: Views, encoder: Encoder, folder: Path, description: str = "encoding views"
+) -> Float32[np.ndarray, "view 2048"]:
+    """Feature vectors of views, read from the folder if they are there and written there if not.
+
+    A file that cannot be read, or whose content does not match its checksum, is computed again with a notice.
+    Files are moved into place whole, so that several processes may share a folder.
+
+    Args:
+        views: views of one size.
+        encoder: the encoder.
+        folder: where features are kept; created if missing.
+        description: what the progress bar calls this work.
+
+    Returns:
+        One vector per view.
+    """
+    path = folder / f"{cache_key(views, encoder)}.safetensors"
+    if path.exists():
+        try:
+            return _load(path, len(views))
+        except (SafetensorError, OSError, ValueError) as error:
+            console.print(
+                f"{path.name}: damaged features ({error}), encoding again", style="yellow", highlight=False
+            )
+    features = encode(encoder, views, description)
+    _save(features, path)
+    return features
+
+
+def cache_key(views: Views, encoder: Encoder) -> str:
+    """Name under which features are kept: 32 hexadecimal digits.
+
+    Args:
+        views: views of one size.
+        encoder: the encoder.
+    """
+    digest = hashlib.sha256(f"{encoder.fingerprint} {views.shape}".encode())
+    digest.update(np.ascontiguousarray(views).data)
+    return digest.hexdigest()[:32]
+
+
+def _load(path: Path, n_views: int) -> np.ndarray:
+    """Read features, or raise an error that says what is wrong with them."""
+    with safe_open(path, framework="numpy") as file:
+        features, checksum = file.get_tensor("features"), (file.metadata() or {}).get("sha256")
+    if features.shape != (n_views, N_FEATURES) or features.dtype != np.float32:
+        raise ValueError(f"shape {features.shape} and type {features.dtype}")
+    if hashlib.sha256(features.data).hexdigest() != checksum:
+        raise ValueError("checksum")
+    return features
+
+
+def _save(features: np.ndarray, path: Path) -> None:
+    """Write features to a file beside the path, then move it there."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    metadata = {"sha256": hashlib.sha256(features.data).hexdigest()}
+    descriptor, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}.")
+    try:
+        with os.fdopen(descriptor, "wb") as file:
+            file.write(save({"features": features}, metadata))
+        os.replace(temporary, path)
+    except BaseException:
+        os.unlink(temporary)
+        raise

@@ -1,0 +1,105 @@
+"""Encoding and the cache, at 64x64 to be quick."""
+
+import numpy as np
+import pytest
+
+from relm_irl_jax.errors import InputError
+from relm_irl_jax.features import EncoderSettings, cache, encode, encode_cached, encode_maps, make_encoder
+from relm_irl_jax.features.encoder import DEVIATION, MEAN, preprocess
+
+
+def structured_views(n, height, width, seed=0):
+    """Rooms in miniature: a floor, a wall and coloured rectangles."""
+    rng = np.random.default_rng(seed)
+    views = np.empty((n, height, width, 3), np.uint8)
+    for view in views:
+        horizon = rng.integers(height // 3, 2 * height // 3)
+        view[:horizon], view[horizon:] = rng.integers(0, 256, (2, 3))
+        for _ in range(4):
+            top, left = rng.integers(0, height * 3 // 4), rng.integers(0, width * 3 // 4)
+            view[top : top + height // 4, left : left + width // 3] = rng.integers(0, 256, 3)
+    return views
+
+
+@pytest.fixture(scope="module")
+def views():
+    return structured_views(11, 64, 64)
+
+
+@pytest.fixture(scope="module")
+def encoder(views):
+    return make_encoder(EncoderSettings(image_size=64, batch_size=4), views)
+
+
+def test_batches_are_padded_and_put_together_in_order(encoder, views):
+    features = encode(encoder, views)
+    assert features.shape == (11, 2048)
+    assert features.dtype == np.float32
+    np.testing.assert_allclose(encode(encoder, views[7:9]), features[7:9], atol=1e-4)
+    maps = encode_maps(encoder, views[:3])
+    assert maps.shape == (3, 2, 2, 2048)
+    np.testing.assert_allclose(maps.mean((1, 2)), features[:3], atol=1e-4)
+    assert encode(encoder, views[:0]).shape == (0, 2048)
+
+
+def test_the_fingerprint_follows_weights_views_and_size(encoder, views):
+    same = make_encoder(EncoderSettings(image_size=64, batch_size=2), views)
+    assert same.fingerprint == encoder.fingerprint
+    for settings, calibration in (
+        (EncoderSettings(image_size=64, seed=1), views),
+        (EncoderSettings(image_size=32), views),
+        (EncoderSettings(image_size=64), views[:5]),
+    ):
+        assert make_encoder(settings, calibration).fingerprint != encoder.fingerprint
+
+
+def test_random_features_tell_views_apart(encoder):
+    features = encode(encoder, structured_views(24, 64, 64, seed=5))
+    alive = (features > 0).any(axis=0)
+    assert alive.mean() > 0.9
+    centred = features - features.mean(axis=0)
+    singular = np.linalg.svd(centred, compute_uv=False)
+    assert (singular > 1e-3 * singular[0]).sum() == 23
+
+
+def test_other_sizes_are_scaled_and_centre_cropped():
+    wide = np.zeros((1, 100, 200, 3), np.uint8)
+    wide[:, :, 50:150] = 255
+    white = (1 - np.asarray(MEAN)) / np.asarray(DEVIATION)
+    images = np.asarray(preprocess(wide, 50))
+    assert images.shape == (1, 50, 50, 3)
+    np.testing.assert_allclose(images[:, :, 2:-2], np.broadcast_to(white, (1, 50, 46, 3)), atol=1e-5)
+    assert preprocess(np.zeros((1, 300, 400, 3), np.uint8), 224).shape == (1, 224, 224, 3)
+
+
+def test_wrong_input_is_an_input_error(encoder, views):
+    with pytest.raises(InputError, match="uint8"):
+        encode(encoder, views.astype(np.float32))
+    with pytest.raises(InputError, match="calibration views"):
+        make_encoder(EncoderSettings())
+    with pytest.raises(ValueError, match="image_size"):
+        EncoderSettings(image_size=16)
+
+
+def test_the_cache_is_read_and_keyed_by_views_and_encoder(encoder, views, tmp_path, monkeypatch):
+    features = encode_cached(views, encoder, tmp_path)
+    changed = views.copy()
+    changed[0, 0, 0, 0] ^= 1
+    assert cache.cache_key(changed, encoder) != cache.cache_key(views, encoder)
+    monkeypatch.setattr(cache, "encode", lambda *_: pytest.fail("encoded again"))
+    np.testing.assert_array_equal(encode_cached(views, encoder, tmp_path), features)
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+@pytest.mark.parametrize("damage", [lambda b: b[:100], lambda b: b[:-1] + bytes([b[-1] ^ 1]), lambda b: b""])
+def test_a_damaged_cache_is_computed_again_with_a_notice(
+    encoder, views, tmp_path, monkeypatch, capsys, damage
+):
+    features = np.zeros((len(views), 2048), np.float32)
+    monkeypatch.setattr(cache, "encode", lambda *_: features)
+    encode_cached(views, encoder, tmp_path)
+    (path,) = tmp_path.iterdir()
+    path.write_bytes(damage(path.read_bytes()))
+    np.testing.assert_array_equal(encode_cached(views, encoder, tmp_path), features)
+    assert "encoding again" in capsys.readouterr().err
+    assert cache._load(path, len(views)) is not None
