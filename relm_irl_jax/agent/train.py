@@ -1,0 +1,209 @@
+"""Training: many updates in one compiled program, with what happened in between as a few numbers."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+from jaxtyping import Array, Float64
+
+from relm_irl_jax import env
+from relm_irl_jax.agent.networks import SiameseActorCritic
+from relm_irl_jax.agent.rollout import EpisodeSums
+from relm_irl_jax.agent.settings import AgentSettings
+from relm_irl_jax.agent.update import Learner, Setting, optimiser_of, update
+from relm_irl_jax.env import Lane
+from relm_irl_jax.errors import InputError
+from relm_irl_jax.rewards.model import RewardModel
+from relm_irl_jax.world import Targets, World
+
+UPDATES_PER_CHUNK = 8
+"""Updates between two looks at the program: one row of the learning curve and one movement of the progress bar."""
+
+
+@dataclass(frozen=True)
+class LearningCurve:
+    """Training performance, one entry a chunk of updates; NaN where no episode ended in a chunk.
+
+    Attributes:
+        frames: frames of all workers up to the end of the chunk.
+        episodes: episodes ended in the chunk.
+        success_rate: share of them that reached the target.
+        path_length_error: their mean path length minus shortest path, in actions (Equation 36).
+        spl: their success weighted by path length (Equation 37).
+        reward: mean reward a frame.
+    """
+
+    frames: Float64[np.ndarray, "chunks"]
+    episodes: Float64[np.ndarray, "chunks"]
+    success_rate: Float64[np.ndarray, "chunks"]
+    path_length_error: Float64[np.ndarray, "chunks"]
+    spl: Float64[np.ndarray, "chunks"]
+    reward: Float64[np.ndarray, "chunks"]
+
+
+def network_of(settings: AgentSettings, n_heads: int) -> SiameseActorCritic:
+    """The network that the settings describe.
+
+    Args:
+        settings: the agent's settings.
+        n_heads: number of heads.
+
+    Returns:
+        The network without parameters.
+    """
+    return SiameseActorCritic(n_heads=n_heads, width=settings.width)
+
+
+def worker_lanes(targets: Targets, world: World, n_heads: int, workers: int) -> Lane:
+    """Tie workers to targets: an equal share of the workers to each head, and each to all targets of that head.
+
+    Args:
+        targets: the training targets, sorted so that those of one head are consecutive.
+        world: the training scenes.
+        n_heads: number of heads.
+        workers: number of workers.
+
+    Returns:
+        One lane a worker; fields are [heads, workers / heads].
+
+    Raises:
+        InputError: there are fewer workers than heads, or a head has no target.
+    """
+    head = np.asarray(world.head)[np.asarray(targets.state)]
+    first = np.asarray([np.searchsorted(head, number) for number in range(n_heads)])
+    count = np.bincount(head, minlength=n_heads)
+    if count.min() == 0:
+        raise InputError("tasks.training_targets: some room type has no training target; ask for more.")
+    if workers < n_heads:
+        raise InputError(f"agent.workers: {workers} workers cannot serve {n_heads} heads; ask for more.")
+    share = (n_heads, workers // n_heads)
+    spread = lambda values: jnp.asarray(np.broadcast_to(values[:, None], share), jnp.int32)  # noqa: E731
+    return Lane(first=spread(first), count=spread(count))
+
+
+def begin(
+    key: Array,
+    world: World,
+    targets: Targets,
+    lane: Lane,
+    network: SiameseActorCritic,
+    settings: AgentSettings,
+) -> Learner:
+    """Draw parameters and first episodes.
+
+    Args:
+        key: source of all randomness of the training.
+        world: the training scenes.
+        targets: the training targets.
+        lane: one lane a worker.
+        network: the network.
+        settings: the agent's settings.
+
+    Returns:
+        The learner before its first update.
+    """
+    key, parameter_key, episode_key = jax.random.split(key, 3)
+    one = jnp.zeros((network.n_heads, 1, world.features.shape[1]), jnp.float32)
+    parameters = network.init(parameter_key, one, one, jnp.arange(network.n_heads))
+    keys = jax.random.split(episode_key, lane.first.shape)
+    episode = jax.vmap(jax.vmap(lambda k, row: env.reset(k, targets, row)))(keys, lane)
+    return Learner(parameters, optimiser_of(settings).init(parameters), episode, key)
+
+
+@partial(jax.jit, static_argnames=("network", "settings", "cap", "updates"))
+def run_chunk(
+    learner: Learner,
+    setting: Setting,
+    *,
+    network: SiameseActorCritic,
+    settings: AgentSettings,
+    cap: int,
+    updates: int,
+) -> tuple[Learner, EpisodeSums]:
+    """Run several updates as one program.
+
+    Args:
+        learner: the state of training.
+        setting: scenes, targets, lanes and reward.
+        network: the network. Static.
+        settings: the agent's settings. Static.
+        cap: number of steps after which an episode is truncated. Static.
+        updates: number of updates. Static.
+
+    Returns:
+        The next state of training, and sums over the episodes that ended.
+    """
+    learner, sums = jax.lax.scan(
+        lambda carry, _: update(carry, setting, network, settings, cap), learner, length=updates
+    )
+    return learner, jax.tree.map(jnp.sum, sums)
+
+
+def train(
+    key: Array,
+    world: World,
+    targets: Targets,
+    reward_model: RewardModel,
+    return_scale: float,
+    n_heads: int,
+    settings: AgentSettings,
+    cap: int,
+    frames: int,
+    report: Callable[[int], None] = lambda frames: None,
+) -> tuple[optax.Params, LearningCurve]:
+    """Train an agent.
+
+    Args:
+        key: source of all randomness of the training.
+        world: the training scenes.
+        targets: the training targets.
+        reward_model: the reward.
+        return_scale: size of a typical return, by which returns are divided.
+        n_heads: number of heads.
+        settings: the agent's settings.
+        cap: number of steps after which an episode is truncated, at least `settings.t_max`.
+        frames: frames of all workers together; rounded up to whole chunks of updates.
+        report: called with the number of frames done since its last call.
+
+    Returns:
+        The network's parameters and the learning curve.
+
+    Raises:
+        InputError: the cap is below t_max, or the lanes cannot be laid.
+    """
+    if cap < settings.t_max:
+        raise InputError(f"tasks.cap: {cap} is below agent.t_max ({settings.t_max}); raise the one or lower the other.")
+    network = network_of(settings, n_heads)
+    lane = worker_lanes(targets, world, n_heads, settings.workers)
+    setting = Setting(world, targets, lane, reward_model, jnp.float32(return_scale))
+    learner = begin(key, world, targets, lane, network, settings)
+    per_update = lane.first.size * settings.t_max
+    n_updates = -(-frames // per_update)
+    rows = []
+    done = 0
+    while done < n_updates:
+        updates = min(UPDATES_PER_CHUNK, n_updates - done)
+        learner, sums = run_chunk(learner, setting, network=network, settings=settings, cap=cap, updates=updates)
+        done += updates
+        rows.append((done * per_update, updates * per_update, jax.device_get(sums)))
+        report(updates * per_update)
+    return learner.parameters, _curve(rows)
+
+
+def _curve(rows: list[tuple[int, int, EpisodeSums]]) -> LearningCurve:
+    """Turn sums into means."""
+    column = lambda name: np.asarray([getattr(sums, name) for _, _, sums in rows], np.float64)  # noqa: E731
+    episodes = column("episodes")
+    ended = np.where(episodes > 0, episodes, np.nan)
+    return LearningCurve(
+        frames=np.asarray([frames for frames, _, _ in rows], np.float64),
+        episodes=episodes,
+        success_rate=column("successes") / ended,
+        path_length_error=column("excess") / ended,
+        spl=column("weighted") / ended,
+        reward=column("reward") / np.asarray([frames for _, frames, _ in rows], np.float64),
+    )

@@ -1,0 +1,204 @@
+"""Evaluation: episodes from random starts, and the paper's three metrics (section 5.4)."""
+
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+from jaxtyping import Array, Bool, Int32, PRNGKeyArray
+
+from relm_irl_jax import env
+from relm_irl_jax.agent.networks import FusionTables, SiameseActorCritic
+from relm_irl_jax.agent.rollout import sample_action
+from relm_irl_jax.env import Lane
+from relm_irl_jax.scenes.scene import ACTIONS
+from relm_irl_jax.world import Targets, World
+
+
+class Policy(Protocol):
+    """What evaluation needs of an agent: a pytree that chooses actions for all workers at once."""
+
+    def __call__(
+        self, key: PRNGKeyArray, state: Int32[Array, "scenes batch"], target: Int32[Array, "scenes batch"]
+    ) -> Int32[Array, "scenes batch"]:
+        """Return one action a worker; row i of the arrays belongs to scene i of the world."""
+        ...
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class RandomPolicy:
+    """The Random baseline: every action with the same probability (section 5.3)."""
+
+    def __call__(
+        self, key: PRNGKeyArray, state: Int32[Array, "scenes batch"], target: Int32[Array, "scenes batch"]
+    ) -> Int32[Array, "scenes batch"]:
+        """Return one action a worker."""
+        return jax.random.randint(key, state.shape, 0, len(ACTIONS))
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class NetworkPolicy:
+    """A trained network, its tables computed for the scenes and targets at hand.
+
+    Attributes:
+        parameters: the network's parameters.
+        tables: both halves of the fusion layer for every state and every target.
+        head: head that serves each scene.
+        network: the network. Static.
+        greedy: take the most probable action instead of drawing from the policy. Static.
+    """
+
+    parameters: optax.Params
+    tables: FusionTables
+    head: Int32[Array, "scenes"]
+    network: SiameseActorCritic = field(metadata={"static": True})
+    greedy: bool = field(default=False, metadata={"static": True})
+
+    def __call__(
+        self, key: PRNGKeyArray, state: Int32[Array, "scenes batch"], target: Int32[Array, "scenes batch"]
+    ) -> Int32[Array, "scenes batch"]:
+        """Return one action a worker."""
+        fusion = self.tables.state[state] + self.tables.target[target]
+        logits, _ = self.network.apply(self.parameters, fusion, self.head, method="heads")
+        return jnp.argmax(logits, -1).astype(jnp.int32) if self.greedy else sample_action(key, logits)
+
+
+def network_policy(
+    network: SiameseActorCritic,
+    parameters: optax.Params,
+    world: World,
+    targets: Targets,
+    *,
+    greedy: bool = False,
+) -> NetworkPolicy:
+    """Prepare a trained network for evaluation.
+
+    Args:
+        network: the network.
+        parameters: its parameters.
+        world: the scenes of the evaluation.
+        targets: the targets of the evaluation.
+        greedy: take the most probable action instead of drawing from the policy.
+
+    Returns:
+        The policy.
+    """
+    tables = network.apply(parameters, world.features, targets.state, method="fusion_tables")
+    first_state = jnp.searchsorted(world.scene, jnp.arange(_n_scenes(world)))
+    return NetworkPolicy(parameters, tables, world.head[first_state], network, greedy)
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Episodes:
+    """Finished evaluation episodes; row i belongs to scene i of the world.
+
+    Attributes:
+        target: row of `Targets`.
+        start: first state.
+        length: actions taken.
+        shortest: least number of actions that would have reached the target.
+        success: whether the target was reached within the cap.
+    """
+
+    target: Int32[Array | np.ndarray, "scenes episodes"]
+    start: Int32[Array | np.ndarray, "scenes episodes"]
+    length: Int32[Array | np.ndarray, "scenes episodes"]
+    shortest: Int32[Array | np.ndarray, "scenes episodes"]
+    success: Bool[Array | np.ndarray, "scenes episodes"]
+
+
+@dataclass(frozen=True)
+class Metrics:
+    """The paper's metrics over a set of episodes.
+
+    Attributes:
+        episodes: number of episodes.
+        success_rate: successes / episodes (Equation 35).
+        path_length_error: mean of path length − shortest path over all episodes, a failure counting the cap as its
+            length (Equation 36), in actions.
+        spl: mean of success · shortest / max(length, shortest) (Equation 37).
+    """
+
+    episodes: int
+    success_rate: float
+    path_length_error: float
+    spl: float
+
+
+def metrics(episodes: Episodes, scene: int) -> Metrics:
+    """Compute the metrics of one scene.
+
+    Args:
+        episodes: evaluated episodes.
+        scene: number of the scene.
+
+    Returns:
+        The metrics.
+    """
+    length, shortest, success = episodes.length[scene], episodes.shortest[scene], episodes.success[scene]
+    return Metrics(
+        episodes=len(length),
+        success_rate=float(success.mean()),
+        path_length_error=float((length - shortest).mean()),
+        spl=float((success * shortest / np.maximum(length, shortest)).mean()),
+    )
+
+
+def evaluate(key: PRNGKeyArray, policy: Policy, world: World, targets: Targets, cap: int, episodes: int) -> Episodes:
+    """Run episodes in every scene, start and target drawn uniformly.
+
+    Args:
+        key: source of all randomness.
+        policy: the agent.
+        world: the scenes.
+        targets: the targets; every scene has at least one.
+        cap: number of steps after which an episode counts as failed.
+        episodes: number of episodes in each scene.
+
+    Returns:
+        One finished episode a worker.
+    """
+    numbers = np.arange(_n_scenes(world))
+    scene = np.asarray(targets.scene)
+    spread = lambda values: jnp.asarray(np.repeat(values[:, None], episodes, 1), jnp.int32)  # noqa: E731
+    lane = Lane(
+        first=spread(np.searchsorted(scene, numbers)),
+        count=spread(np.bincount(scene, minlength=len(numbers))),
+    )
+    return jax.tree.map(np.asarray, _run(key, policy, world, targets, lane, jnp.int32(cap)))
+
+
+@jax.jit
+def _run(
+    key: PRNGKeyArray, policy: Policy, world: World, targets: Targets, lane: Lane, cap: Int32[Array, ""]
+) -> Episodes:
+    """Step all workers until each has finished its one episode; a finished worker stands still."""
+    over_workers = lambda function: jax.vmap(jax.vmap(function))  # noqa: E731
+    reset_key, step_key = jax.random.split(key)
+    keys = jax.random.split(reset_key, lane.first.shape)
+    first = over_workers(lambda k, row: env.reset(k, targets, row))(keys, lane)
+
+    def advance(carry):
+        episode, success, done, time = carry
+        action = policy(jax.random.fold_in(step_key, time), episode.state, episode.target)
+        after, transition = over_workers(lambda e, a: env.step(e, a, world, targets, cap))(episode, action)
+        kept = jax.tree.map(lambda old, new: jnp.where(done, old, new), episode, after)
+        success = jnp.where(done, success, transition.terminated)
+        return kept, success, done | transition.terminated | transition.truncated, time + 1
+
+    nothing = jnp.zeros(lane.first.shape, bool)
+    episode, success, _, _ = jax.lax.while_loop(
+        lambda carry: ~carry[2].all(), advance, (first, nothing, nothing, jnp.int32(0))
+    )
+    shortest = over_workers(lambda e: env.shortest(e, world, targets))(episode)
+    return Episodes(episode.target, episode.start, episode.steps, shortest, success)
+
+
+def _n_scenes(world: World) -> int:
+    """Number of scenes of a world."""
+    return int(world.scene[-1]) + 1

@@ -1,0 +1,112 @@
+"""Predicted rewards: the extreme learning machine from (start view, target view) to reward weights (section 4.2)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import numpy as np
+from jaxtyping import Float32, Float64
+from pydantic import Field, NonNegativeFloat, PositiveInt
+from pydantic.dataclasses import dataclass as settings_dataclass
+
+from relm_irl_jax.elm import ELMRegressor
+from relm_irl_jax.rewards.demonstrations import DemonstratedReward
+from relm_irl_jax.scenes.scene import Scene
+
+
+@settings_dataclass(frozen=True)
+class ElmSettings:
+    """The extreme learning machine that predicts reward weights."""
+
+    hidden: PositiveInt = 1950
+    """Hidden neurons before selection (the paper's 1950)."""
+    activation: Literal["tanh", "sigmoid", "relu", "rbf"] = "tanh"
+    """Activation of the hidden neurons."""
+    pairs: PositiveInt = 2000
+    """Most (start, target) pairs that the machine is fitted on; more are thinned at random."""
+    ordering: Literal["mrsr", "none"] = "mrsr"
+    """Order in which the regularised machine adds neurons."""
+    norm: Literal[1, 2] = 1
+    """Norm of the cumulative correlation in MRSR; the paper's is 1."""
+    selection: Literal["press", "none"] | Annotated[int, Field(ge=1)] = "press"
+    """Neurons that the regularised machine keeps: the minimum of the PRESS curve, all, or a number."""
+    ridge: NonNegativeFloat | Literal["press"] = 0.0
+    """Ridge of the regularised machine's output weights, or `press` to choose it by PRESS."""
+    follow: bool = False
+    """Predict from the current view instead of the episode's first one ("adjusted in real time", section 4.2)."""
+
+
+@dataclass(frozen=True)
+class PairData:
+    """What the machine is fitted on.
+
+    Attributes:
+        inputs: view features of start and target, side by side.
+        weights: reward weights of the pair.
+    """
+
+    inputs: Float32[np.ndarray, "pairs inputs"]
+    weights: Float64[np.ndarray, "pairs d"]
+
+
+def pair_inputs(
+    start: Float32[np.ndarray, "pairs feature"], target: Float32[np.ndarray, "pairs feature"]
+) -> Float32[np.ndarray, "pairs inputs"]:
+    """Put view features of start and target side by side.
+
+    Args:
+        start: view features of starts.
+        target: view features of targets.
+
+    Returns:
+        The machine's inputs.
+    """
+    return np.concatenate([start, target], axis=1)
+
+
+def pair_data(
+    scenes: Sequence[Scene], records: Sequence[DemonstratedReward], most: int, generator: np.random.Generator
+) -> PairData:
+    """Collect (start, target) → w pairs from demonstrations.
+
+    Args:
+        scenes: encoded training scenes.
+        records: demonstrated rewards.
+        most: number of pairs kept; all pairs are equally likely to be.
+        generator: source of randomness for thinning.
+
+    Returns:
+        The pairs, in the order of the records.
+    """
+    owner = np.repeat(np.arange(len(records)), [len(record.starts) for record in records])
+    starts = np.concatenate([record.starts for record in records])
+    if len(owner) > most:
+        kept = np.sort(generator.choice(len(owner), most, replace=False))
+        owner, starts = owner[kept], starts[kept]
+    first = np.stack([scenes[records[i].target.scene].features[s] for i, s in zip(owner, starts, strict=True)])
+    wanted = np.stack([scenes[records[i].target.scene].features[records[i].target.state] for i in owner])
+    return PairData(pair_inputs(first, wanted), np.stack([records[i].solution.w for i in owner]))
+
+
+def fit_machine(data: PairData, settings: ElmSettings, seed: int, *, regularised: bool) -> ELMRegressor:
+    """Fit the machine of ELM-IRL or of RELM-IRL; both draw the same hidden layer.
+
+    Args:
+        data: pairs.
+        settings: the machine's settings.
+        seed: the run's seed.
+        regularised: order neurons by MRSR and keep those that PRESS chooses (section 4.3), or keep all.
+
+    Returns:
+        The fitted machine.
+    """
+    machine = ELMRegressor(
+        n_hidden=settings.hidden,
+        activation=settings.activation,
+        ordering=settings.ordering if regularised else "none",
+        norm=settings.norm,
+        selection=settings.selection if regularised else "none",
+        ridge=settings.ridge if regularised else 0.0,
+        random_state=seed,
+    )
+    return machine.fit(data.inputs, data.weights)

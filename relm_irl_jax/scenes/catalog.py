@@ -1,0 +1,149 @@
+"""Which scenes a run uses: the built-in rooms, generated once and kept, or a folder of scene files."""
+
+from collections import defaultdict
+from dataclasses import replace
+from pathlib import Path
+from typing import Literal
+
+from platformdirs import user_cache_path
+from pydantic import NonNegativeInt, PositiveInt
+from pydantic.dataclasses import dataclass
+
+from relm_irl_jax.errors import InputError
+from relm_irl_jax.scenes.dump import load_scene, save_scene
+from relm_irl_jax.scenes.rooms import VERSION, generate_room
+from relm_irl_jax.scenes.scene import ROOM_TYPES, Scene
+
+ROOMS = "rooms"
+"""Name of the built-in source where a folder is expected."""
+
+
+@dataclass(frozen=True)
+class SceneSettings:
+    """How many scenes of each room type are trained and kept unseen, and how rooms are generated."""
+
+    training_per_type: PositiveInt = 2
+    """Training scenes of each room type."""
+    unseen_per_type: PositiveInt = 3
+    """Scenes of each room type that only Task III sees."""
+    size: Literal["full", "tiny"] = "full"
+    """Size of the built-in rooms: the original scenes' state counts, or a dozen places for quick trials."""
+    image_size: PositiveInt = 224
+    """Rows and columns of a built-in room's views."""
+    first_room: NonNegativeInt = 0
+    """Number of the first built-in room of each type; training rooms come first, unseen ones follow."""
+
+
+def cache_folder() -> Path:
+    """Folder in which rendered rooms and features are kept between runs.
+
+    Returns:
+        The user's cache folder for this project.
+    """
+    return user_cache_path("relm-irl-jax")
+
+
+def training_scenes(source: str, settings: SceneSettings) -> list[Scene]:
+    """Scenes that training sees, ordered by room type.
+
+    Args:
+        source: `ROOMS`, or a folder of scene files.
+        settings: how many.
+
+    Returns:
+        The scenes with their views.
+
+    Raises:
+        InputError: the folder or a file in it cannot be used.
+    """
+    return _pick(source, settings, 0, settings.training_per_type)
+
+
+def unseen_scenes(source: str, settings: SceneSettings) -> list[Scene]:
+    """Scenes that only Task III sees, ordered by room type.
+
+    Args:
+        source: `ROOMS`, or a folder of scene files.
+        settings: how many.
+
+    Returns:
+        The scenes with their views.
+
+    Raises:
+        InputError: the folder or a file in it cannot be used, or holds too few scenes.
+    """
+    return _pick(source, settings, settings.training_per_type, settings.unseen_per_type)
+
+
+def check_source(source: str) -> None:
+    """Refuse a source that is neither the built-in rooms nor a folder of scene files.
+
+    Args:
+        source: `ROOMS`, or a folder.
+
+    Raises:
+        InputError: says what was found instead.
+    """
+    if source == ROOMS:
+        return
+    folder = Path(source)
+    if not folder.is_dir():
+        raise InputError(f"scenes: {source} is no folder; give `{ROOMS}` or a folder of HDF5 scene files.")
+    if not scene_files(folder):
+        raise InputError(f"scenes: {source} holds no file ending in .h5 or .hdf5; give a folder of scene files.")
+
+
+def scene_files(folder: Path) -> list[Path]:
+    """Scene files of a folder, in order of name.
+
+    Args:
+        folder: where to look.
+
+    Returns:
+        Files ending in `.h5` or `.hdf5`.
+    """
+    return sorted(path for path in folder.iterdir() if path.suffix in (".h5", ".hdf5"))
+
+
+def _pick(source: str, settings: SceneSettings, skip: int, count: int) -> list[Scene]:
+    """Take `count` scenes of each room type after the first `skip`."""
+    check_source(source)
+    if source == ROOMS:
+        first = settings.first_room + skip
+        return [_room(room_type, first + number, settings) for room_type in ROOM_TYPES for number in range(count)]
+    by_type = defaultdict(list)
+    for path in scene_files(Path(source)):
+        by_type[load_scene(path, frames=False).room_type].append(path)
+    for room_type, paths in by_type.items():
+        if len(paths) < skip + count:
+            raise InputError(
+                f"scenes: {source} holds {len(paths)} scenes of type {room_type}, {skip + count} are needed; add "
+                "scenes, or lower scene_settings.training_per_type or scene_settings.unseen_per_type."
+            )
+    return [load_scene(path) for room_type in sorted(by_type) for path in by_type[room_type][skip : skip + count]]
+
+
+def _room(room_type: str, number: int, settings: SceneSettings) -> Scene:
+    """Read a built-in room from the cache, or generate and keep it."""
+    folder = cache_folder() / f"rooms-{VERSION}-{settings.size}-{settings.image_size}"
+    path = folder / f"{room_type}-{number}.h5"
+    if path.exists():
+        try:
+            return load_scene(path)
+        except InputError:
+            path.unlink()
+    scene = generate_room(room_type, number, size=settings.size, image_size=settings.image_size)
+    save_scene(scene, path)
+    return scene
+
+
+def without_views(scene: Scene) -> Scene:
+    """The scene without its views, once they are encoded.
+
+    Args:
+        scene: a scene.
+
+    Returns:
+        The same scene with `observation` None.
+    """
+    return replace(scene, observation=None)

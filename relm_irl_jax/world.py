@@ -1,0 +1,139 @@
+"""Scenes and targets as device arrays: the tables that the environment and the agent index.
+
+Scenes are laid end to end, so that one integer names a state of any scene, and workers in different scenes step in
+one program.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float32, Int32
+
+from relm_irl_jax.errors import InputError
+from relm_irl_jax.scenes.scene import UNREACHABLE, Scene, successors
+from relm_irl_jax.tasks import Target
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class World:
+    """Scenes laid end to end.
+
+    Attributes:
+        successor: next state for each action; a collision leads back to the state.
+        scene: number of each state's scene.
+        local: number of each state within its scene.
+        head: number of the network head that serves each state, see `relm_irl_jax.agent.networks`.
+        features: encoded view of each state.
+    """
+
+    successor: Int32[Array, "states 4"]
+    scene: Int32[Array, "states"]
+    local: Int32[Array, "states"]
+    head: Int32[Array, "states"]
+    features: Float32[Array, "states feature"]
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Targets:
+    """Targets that episodes may be sent to, in the order of their scenes.
+
+    Attributes:
+        state: the target's state in the world.
+        scene: number of the target's scene.
+        start: states that can reach the target, the target itself left out; rows are padded at the end.
+        n_starts: number of valid entries in each row of `start`.
+        distance: least number of actions to the target from each local state of its scene; -1 where there is no
+            path and in the padding.
+    """
+
+    state: Int32[Array, "targets"]
+    scene: Int32[Array, "targets"]
+    start: Int32[Array, "targets starts"]
+    n_starts: Int32[Array, "targets"]
+    distance: Int32[Array, "targets locals"]
+
+
+def build_world(scenes: Sequence[Scene], heads: Sequence[int]) -> World:
+    """Lay scenes end to end.
+
+    Args:
+        scenes: encoded scenes.
+        heads: number of the network head that serves each scene.
+
+    Returns:
+        The world; the state `local` of scene `i` becomes `scene_offsets(scenes)[i] + local`.
+
+    Raises:
+        InputError: a scene has no features.
+    """
+    for scene in scenes:
+        if scene.features is None:
+            raise InputError(f"{scene.name}: the scene has no features; encode it before building a world.")
+    offsets = scene_offsets(scenes)
+    sizes = [scene.n_states for scene in scenes]
+    return World(
+        successor=jnp.asarray(
+            np.concatenate([successors(s.graph) + o for s, o in zip(scenes, offsets, strict=True)]), jnp.int32
+        ),
+        scene=jnp.asarray(np.repeat(np.arange(len(scenes)), sizes), jnp.int32),
+        local=jnp.asarray(np.concatenate([np.arange(size) for size in sizes]), jnp.int32),
+        head=jnp.asarray(np.repeat(np.asarray(heads), sizes), jnp.int32),
+        features=jnp.asarray(np.concatenate([scene.features for scene in scenes]), jnp.float32),
+    )
+
+
+def scene_offsets(scenes: Sequence[Scene]) -> list[int]:
+    """World state of each scene's first state.
+
+    Args:
+        scenes: the scenes in the order in which they are laid.
+
+    Returns:
+        One offset a scene.
+    """
+    return [int(offset) for offset in np.cumsum([0, *(scene.n_states for scene in scenes)])[:-1]]
+
+
+def build_targets(scenes: Sequence[Scene], targets: Sequence[Target]) -> Targets:
+    """Tabulate starts and distances of targets.
+
+    Args:
+        scenes: the scenes of the world, in its order.
+        targets: the targets in the order of their scenes; `Target.scene` numbers `scenes`.
+
+    Returns:
+        The tables, one row a target.
+
+    Raises:
+        InputError: no other state of its scene can reach a target.
+        ValueError: the targets are not in the order of their scenes.
+    """
+    offsets = scene_offsets(scenes)
+    if any(later.scene < earlier.scene for earlier, later in pairwise(targets)):
+        raise ValueError("Targets must come in the order of their scenes.")
+    longest = max(scene.n_states for scene in scenes)
+    start = np.zeros((len(targets), longest), np.int32)
+    distance = np.full((len(targets), longest), UNREACHABLE, np.int32)
+    n_starts = np.zeros(len(targets), np.int32)
+    for row, target in enumerate(targets):
+        scene = scenes[target.scene]
+        to_target = scene.shortest_path_distance[:, target.state]
+        reachable = np.flatnonzero(to_target > 0)
+        if len(reachable) == 0:
+            raise InputError(f"{scene.name}: no state can reach target {target.state}; choose another target.")
+        start[row, : len(reachable)] = reachable + offsets[target.scene]
+        n_starts[row] = len(reachable)
+        distance[row, : scene.n_states] = to_target
+    return Targets(
+        state=jnp.asarray([offsets[target.scene] + target.state for target in targets], jnp.int32),
+        scene=jnp.asarray([target.scene for target in targets], jnp.int32),
+        start=jnp.asarray(start),
+        n_starts=jnp.asarray(n_starts),
+        distance=jnp.asarray(distance),
+    )
