@@ -1,1 +1,18 @@
 """The regularised extreme learning machine: random hidden layer, MRSR ordering, PRESS selection."""
+
+from relm_irl_jax.elm.hidden import HiddenLayer
+from relm_irl_jax.elm.mrsr import MRSRPath, mrsr, mrsr_path
+from relm_irl_jax.elm.press import PressPath, press_curve, press_path
+from relm_irl_jax.elm.regressor import Diagnostics, ELMRegressor
+
+__all__ = [
+    "Diagnostics",
+    "ELMRegressor",
+    "HiddenLayer",
+    "MRSRPath",
+    "PressPath",
+    "mrsr",
+    "mrsr_path",
+    "press_curve",
+    "press_path",
+]

@@ -1,0 +1,319 @@
+"""MRSR: multi-response sparse regression, which ranks columns by how they enter a piecewise linear fit.
+
+Standardise H and T. Let x_j be the columns, Y the fit so far and A the active set, grown by the largest cumulative
+correlation ‖(T-Y)ᵀx_j‖. Y moves toward the least-squares fit Ȳ of the active set by the smallest γ in [0, 1] at which
+an inactive column ties with the active ones.
+
+With a_j = x_jᵀ(T-Y), correlation with the residual, and e_j = x_jᵀ(T-Ȳ), correlation with the residual of the
+least-squares fit, the condition ‖a_j - γ b_j‖ = (1-γ) c reads, with s = γ/(1-γ) ≥ 0,
+
+    ‖a_j + s e_j‖ = c.
+
+The left side is convex in s, starts at ‖a_j‖ ≤ c and grows without bound: every column has exactly one crossing.
+For the 1-norm, Newton's method from the right reaches it in a few steps, never enumerating sign vectors; since
+(c - ‖a_j‖)/‖e_j‖ bounds it from below, most columns are never examined. For the 2-norm it is a root of a quadratic.
+
+A column that enters adds one direction q to an orthonormal basis of the active set, and then
+
+    e_j ← e_j - (q·x_j)(qᵀT),        a_j ← (1-γ) a_j + γ e_j:
+
+a rank-one update of an m × p array and one product with the m columns, O(N·m + m·p) a step and no refit. The columns
+are kept orthogonal to the basis, up to the current panel of `PANEL` steps, whose update is one matrix product.
+
+The 1-norm is the paper's. The 2-norm does not depend on a rotation of the outputs, so p falls to the rank of T. The
+two orders differ.
+"""
+
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jaxtyping import Array, Bool, Float, Float64, Int
+
+from relm_irl_jax.elm.linear import PANEL, centred, finite_pair, float64, rank_tolerance
+from relm_irl_jax.errors import InputError
+
+CANDIDATES = 16
+"""Columns whose crossing is computed at once, those with the least lower bounds first."""
+
+NEWTON_STEPS = 100
+"""Safety bound; Newton on a convex piecewise linear function ends by itself, usually in three to six steps."""
+
+
+@dataclass(frozen=True)
+class MRSRPath:
+    """The order in which columns entered, and how.
+
+    Attributes:
+        order: all columns: those that entered, in their order, then those never entered, by index.
+        entered: number of columns that entered.
+        dependent: columns that depend numerically on those that entered, constant columns among them.
+        step: γ after each entry; the last is 1 if the path ran to its end.
+        correlation: cumulative correlation of the active columns with the residual at each entry.
+        norm: norm of the cumulative correlation, 1 or 2.
+    """
+
+    order: Int[np.ndarray, "neurons"]
+    entered: int
+    dependent: Int[np.ndarray, "dependent"]
+    step: Float64[np.ndarray, "entered"]
+    correlation: Float64[np.ndarray, "entered"]
+    norm: int
+
+
+class MRSRSteps(NamedTuple):
+    """Traced counterpart of `MRSRPath`; `K` is min(samples, neurons).
+
+    Attributes:
+        order: as in `MRSRPath`.
+        entered: number of entries; the arrays below are zero beyond it.
+        dependent: whether a column was found dependent.
+        step: γ after each entry.
+        correlation: of the active columns at each entry.
+        basis: one orthonormal row per entry: prefixes span the centred columns in `order`.
+    """
+
+    order: Int[Array, "neurons"]
+    entered: Int[Array, ""]
+    dependent: Bool[Array, "neurons"]
+    step: Float[Array, "K"]
+    correlation: Float[Array, "K"]
+    basis: Float[Array, "K samples"]
+
+
+class _State(NamedTuple):
+    W: Array  # [m, N] columns, as rows, less their part in the basis up to the current panel
+    V: Array  # [m, PANEL] products of the rows of W with the panel's basis vectors
+    basis: Array  # [K + PANEL, N]
+    A: Array  # [m, p] correlations with the residual T-Y
+    E: Array  # [m, p] correlations with the least-squares residual T-Ȳ
+    c: Array  # correlation of the active columns
+    following: Array  # column to enter next
+    open: Array  # [m] neither entered nor found dependent
+    dependent: Array  # [m]
+    order: Array  # [K + PANEL]
+    step: Array
+    correlation: Array
+    entered: Array
+    in_panel: Array
+    running: Array
+
+
+def standardised(matrix: Float[Array, "rows columns"]) -> Float[Array, "rows columns"]:
+    """Centre each column and divide it by its norm; constant columns become zero."""
+    rest = centred(matrix)
+    rest = rest / jnp.where(jnp.any(rest != 0, axis=0), jnp.abs(rest).max(axis=0), 1)
+    norm = jnp.linalg.norm(rest, axis=0)
+    return rest / jnp.where(norm > 0, norm, 1)
+
+
+def _crossing_1(A, E, c, open_):
+    """First crossing for the 1-norm: s and its column; s is infinite where there is none."""
+    size, slope = jnp.abs(A).sum(axis=1), jnp.abs(E).sum(axis=1)
+    lower = jnp.where(open_ & (slope > 0), jnp.maximum(c - size, 0) / jnp.where(slope > 0, slope, 1), jnp.inf)
+    count = min(CANDIDATES, len(lower))
+
+    def examine(state):
+        lower, best, winner = state
+        bound, rows = lax.top_k(-lower, count)
+        a, e = A[rows], E[rows]
+
+        def newton(state):
+            s, _, step = state
+            at = a + s[:, None] * e
+            rise = jnp.sum(jnp.sign(at) * e, axis=1)
+            value = jnp.abs(at).sum(axis=1)
+            new = jnp.clip(s - (value - c) / jnp.where(rise > 0, rise, jnp.inf), 0, s)
+            return new, jnp.any(new < s * (1 - 1e-15)), step + 1
+
+        start = jnp.where(jnp.isinf(bound), 0, (c + size[rows]) / jnp.where(slope[rows] > 0, slope[rows], 1))
+        s, _, _ = lax.while_loop(lambda state: state[1] & (state[2] < NEWTON_STEPS), newton, (start, True, 0))
+        s = jnp.where(jnp.isinf(bound), jnp.inf, s)
+        first = jnp.argmin(s)
+        better = s[first] < best
+        return (
+            lower.at[rows].set(jnp.inf),
+            jnp.where(better, s[first], best),
+            jnp.where(better, rows[first], winner),
+        )
+
+    _, best, winner = lax.while_loop(
+        lambda state: jnp.min(state[0]) < state[1],
+        examine,
+        (lower, jnp.asarray(jnp.inf, A.dtype), jnp.zeros((), jnp.int32)),
+    )
+    return best, winner
+
+
+def _crossing_2(A, E, c, open_):
+    """First crossing for the 2-norm: the root ≥ 0 of |e|²s² + 2(a·e)s + |a|² - c², in the form without cancellation."""
+    ee, ae, aa = jnp.sum(E * E, axis=1), jnp.sum(A * E, axis=1), jnp.sum(A * A, axis=1)
+    gap = jnp.maximum(c**2 - aa, 0)
+    root = jnp.sqrt(ae**2 + ee * gap)
+    forward = jnp.where(ae > 0, gap / jnp.where(ae > 0, ae + root, 1), (root - ae) / jnp.where(ee > 0, ee, 1))
+    s = jnp.where(open_ & (ee > 0), forward, jnp.inf)
+    winner = jnp.argmin(s).astype(jnp.int32)
+    return s[winner], winner
+
+
+def mrsr_steps(
+    H: Float[Array, "samples neurons"], T: Float[Array, "samples outputs"], norm: Literal[1, 2] = 1
+) -> MRSRSteps:
+    """Pure core of `mrsr`, for `jax.jit` and `jax.vmap`; precision is that of the input.
+
+    Args:
+        H: regressors.
+        T: targets.
+        norm: 1 or 2.
+
+    Returns:
+        The path, with fixed shapes.
+    """
+    samples, neurons = H.shape
+    tolerance = rank_tolerance(samples, neurons)
+    tiny = jnp.finfo(H.dtype).tiny
+    K = min(samples, neurons)
+    X, T = standardised(H), standardised(T)
+    if norm == 2 and T.shape[1] > 1:
+        left, values, _ = jnp.linalg.svd(T, full_matrices=False)
+        T = left * jnp.where(values > tolerance * values[0], values, 0)
+    crossing, size = (
+        (_crossing_1, lambda a: jnp.abs(a).sum(axis=-1))
+        if norm == 1
+        else (_crossing_2, lambda a: jnp.linalg.norm(a, axis=-1))
+    )
+
+    A = X.T @ T
+    first = size(A)
+    start = jnp.argmax(first)
+    c0 = first[start]
+    constant = ~jnp.any(X != 0, axis=0)
+
+    def enter(state: _State) -> _State:
+        """Enter the column that is due, or mark it dependent, and move to the next crossing."""
+        j, k, i = state.following, state.entered, state.in_panel
+        panel = lax.dynamic_slice_in_dim(state.basis, k - i, PANEL)
+        x = state.W[j] - state.V[j] @ panel
+        for _ in range(2):
+            x = x - (state.basis @ x) @ state.basis
+        length = jnp.linalg.norm(x)
+        fits = length > tolerance
+        q = jnp.where(fits, x / jnp.where(fits, length, 1), 0)
+        v = jnp.where(state.open, state.W @ q, 0)
+        E = state.E - v[:, None] * (q @ T)
+        open_ = state.open.at[j].set(False)
+        s, following = crossing(state.A, E, state.c, open_)
+        ends = ~jnp.isfinite(s)
+        gamma = jnp.where(ends, 1.0, s / (1 + jnp.where(ends, 0.0, s)))
+        A = (1 - gamma) * state.A + gamma * E
+        c = (1 - gamma) * state.c
+        new = lax.convert_element_type(fits, state.entered.dtype)
+        last = jnp.maximum(k - 1 + new, 0)
+        return state._replace(
+            V=state.V.at[:, i].set(jnp.where(fits, v, state.V[:, i])),
+            basis=state.basis.at[k].set(q),
+            A=A,
+            E=E,
+            c=c,
+            following=following,
+            open=open_,
+            dependent=state.dependent.at[j].set(~fits),
+            order=state.order.at[k].set(jnp.where(fits, j, 0)),
+            # Steps while nothing enters belong to the last entry: their shares of the way that is left multiply.
+            step=state.step.at[last].set(1 - jnp.where(fits, 1, 1 - state.step[last]) * (1 - gamma)),
+            correlation=state.correlation.at[k].set(jnp.where(fits, state.c, 0)),
+            entered=k + new,
+            in_panel=i + new,
+            running=~ends & (c > tolerance * c0 * 1e-3) & (k + new < K),
+        )
+
+    def panel(state: _State) -> _State:
+        state = lax.while_loop(lambda s: s.running & (s.in_panel < PANEL), enter, state)
+        rows = lax.dynamic_slice_in_dim(state.basis, state.entered - state.in_panel, PANEL)
+        W = state.W - state.V @ rows
+        left = jnp.linalg.norm(W, axis=1) > tolerance
+        return state._replace(
+            W=W,
+            V=jnp.zeros_like(state.V),
+            in_panel=jnp.zeros_like(state.in_panel),
+            dependent=state.dependent | (state.open & ~left),
+            open=state.open & left,
+        )
+
+    zero = jnp.zeros((), jnp.int32)
+    state = _State(
+        W=X.T,
+        V=jnp.zeros((neurons, PANEL), X.dtype),
+        basis=jnp.zeros((K + PANEL, samples), X.dtype),
+        A=A,
+        E=A,
+        c=c0,
+        following=start.astype(jnp.int32),
+        open=~constant,
+        dependent=constant,
+        order=jnp.zeros(K + PANEL, jnp.int32),
+        step=jnp.zeros(K + PANEL, X.dtype),
+        correlation=jnp.zeros(K + PANEL, X.dtype),
+        entered=zero,
+        in_panel=zero,
+        running=c0 > tiny,
+    )
+    state = lax.while_loop(lambda s: s.running, panel, state)
+    place = jnp.arange(K) < state.entered
+    rank = jnp.full(neurons, neurons).at[jnp.where(place, state.order[:K], neurons)].set(jnp.arange(K), mode="drop")
+    return MRSRSteps(
+        order=jnp.argsort(rank, stable=True),
+        entered=state.entered,
+        dependent=state.dependent,
+        step=state.step[:K],
+        correlation=state.correlation[:K],
+        basis=state.basis[:K],
+    )
+
+
+_mrsr_steps = jax.jit(mrsr_steps, static_argnames="norm")
+
+
+def mrsr_path(H: Any, T: Any, norm: int = 1) -> MRSRPath:
+    """Rank the columns of H by multi-response sparse regression on T, with the path's record.
+
+    Args:
+        H: regressors, one row per sample; standardised inside.
+        T: targets, one row per sample; standardised inside.
+        norm: norm of the cumulative correlation: 1, the paper's, or 2.
+
+    Returns:
+        Order and path.
+
+    Raises:
+        InputError: unusable H or T, or another norm.
+    """
+    path, _ = path_and_basis(H, T, norm)
+    return path
+
+
+def path_and_basis(H: Any, T: Any, norm: int) -> tuple[MRSRPath, Float[Array, "K samples"]]:
+    """`mrsr_path` and the orthonormal basis of the centred columns in its order, for who goes on with it."""
+    H, T = finite_pair(H, T)
+    if norm not in (1, 2):
+        raise InputError(f"norm must be 1 or 2, not {norm!r}.")
+    with float64():
+        steps = _mrsr_steps(H, T, norm=norm)
+    entered = int(steps.entered)
+    path = MRSRPath(
+        order=np.asarray(steps.order).astype(np.int64),
+        entered=entered,
+        dependent=np.flatnonzero(steps.dependent),
+        step=np.asarray(steps.step[:entered]),
+        correlation=np.asarray(steps.correlation[:entered]),
+        norm=norm,
+    )
+    return path, steps.basis
+
+
+def mrsr(H: Any, T: Any, norm: int = 1) -> Int[np.ndarray, "neurons"]:
+    """Order of the columns of H: first what explains T most. Args, errors: as in `mrsr_path`, whose `order` this is."""
+    return mrsr_path(H, T, norm).order

@@ -1,0 +1,211 @@
+"""PRESS: the leave-one-out error of every prefix of the columns, from one factorisation.
+
+For a least-squares fit of T on the first k columns of H, leaving out sample i changes its residual to
+
+    ε_i = (t_i - h_i β) / (1 - ℓ_i),        ℓ_i = h_i (HᵀH + λI)⁻¹ h_iᵀ,
+
+with h_i the i-th *row*. Let Q be an orthonormal basis of [H; √λ I] in column order and Q' its top block, one row per
+sample. Then for every prefix k
+
+    ℓ_i = Σ_{j≤k} Q'_ij²,        t_i - h_i β = t_i - Σ_{j≤k} Q'_ij (Q'_jᵀ T),
+
+so leverages are cumulative sums and residuals lose one rank-one term per column. An intercept that is fitted without
+penalty is a centring of H and T and 1/N more leverage; the errors stay exact for the model with its intercept.
+
+Where the formula has no value:
+- A column that depends on those before it changes nothing: its prefix repeats the error before it.
+- A sample whose leverage reaches one determines a coefficient alone. Refitted without it, the column that it alone
+  determines is dependent and would be skipped, so the sample keeps the error that it had before that column.
+- A prefix whose rank reaches the number of samples (less the intercept) fits everything: its error is infinite.
+"""
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jaxtyping import Array, Bool, Float, Float64, Int
+
+from relm_irl_jax.elm.linear import centred, finite_pair, float64, orthonormal_prefixes, rank_tolerance
+from relm_irl_jax.errors import InputError
+
+LEVERAGE_CAP = 1 - 1e-9
+"""Leverage from which a sample keeps its last error: beyond it the quotient is rounding over rounding."""
+
+
+@dataclass(frozen=True)
+class PressPath:
+    """Leave-one-out errors of all prefixes, with what had to be handled.
+
+    Attributes:
+        curve: mean squared leave-one-out error, over samples and outputs, of the first 1, 2, … columns.
+        empty: the same of the model without columns: the intercept alone, or zero.
+        rank: number of independent columns.
+        dropped: columns that depend on those before them.
+        capped: samples, in each prefix, whose leverage is one up to rounding.
+        ridge: penalty λ on the squared coefficients.
+    """
+
+    curve: Float64[np.ndarray, "neurons"]
+    empty: float
+    rank: int
+    dropped: Int[np.ndarray, "dropped"]
+    capped: Int[np.ndarray, "neurons"]
+    ridge: float
+
+    @property
+    def best(self) -> int:
+        """Number of columns with the least error; 1 where no error is finite."""
+        return int(np.argmin(self.curve)) + 1
+
+
+class PressErrors(NamedTuple):
+    """Traced counterpart of `PressPath`."""
+
+    curve: Float[Array, "neurons"]
+    empty: Float[Array, ""]
+    capped: Int[Array, "neurons"]
+
+
+def basis_errors(
+    Q: Float[Array, "samples neurons"],
+    T: Float[Array, "samples outputs"],
+    *,
+    intercept: bool,
+    saturates: bool,
+) -> PressErrors:
+    """Leave-one-out errors from a basis that is already there.
+
+    Args:
+        Q: top block of the orthonormal basis, in column order; zero columns for dependent ones.
+        T: targets, centred if there is an intercept.
+        intercept: whether the model fits one.
+        saturates: whether a prefix of full row rank fits the targets exactly, which is so without ridge.
+
+    Returns:
+        Errors of every prefix.
+    """
+    samples, outputs = T.shape
+    C = Q.T @ T
+    base = 1 / samples if intercept else 0.0
+
+    def column(state, inputs):
+        residual, leverage, loss, rank = state
+        q, c = inputs
+        changed = jnp.any(q != 0)
+        leverage = leverage + q**2
+        rank = rank + changed
+        residual = residual - q[:, None] * c
+        free = leverage < LEVERAGE_CAP
+        new = jnp.sum(residual**2, axis=1) / jnp.where(free, 1 - leverage, 1) ** 2
+        loss = jnp.where(free & changed, new, loss)
+        error = jnp.sum(loss) / (samples * outputs)
+        full = saturates & (rank >= samples - intercept)
+        return (residual, leverage, loss, rank), (jnp.where(full, jnp.inf, error), jnp.sum(~free))
+
+    first = jnp.sum(T**2, axis=1) / (1 - base if samples > 1 else 1.0) ** 2
+    start = (T, jnp.full(samples, base, T.dtype), first, jnp.zeros((), int))
+    _, (curve, capped) = lax.scan(column, start, (Q.T, C))
+    return PressErrors(curve, first.mean() / outputs, capped)
+
+
+def press_errors(
+    H: Float[Array, "samples neurons"],
+    T: Float[Array, "samples outputs"],
+    ridge: Float[Array, ""] | float = 0.0,
+    *,
+    intercept: bool = False,
+    penalised: bool = True,
+) -> tuple[PressErrors, Bool[Array, "neurons"]]:
+    """Pure core of `press_curve`, for `jax.jit` and `jax.vmap`; precision is that of the input.
+
+    Args:
+        H: regressors in the order of the prefixes.
+        T: targets.
+        ridge: penalty λ, may be traced.
+        intercept: fit an unpenalised intercept.
+        penalised: False leaves the penalty out altogether; `ridge` must then be zero.
+
+    Returns:
+        Errors, and which columns are independent.
+    """
+    samples, neurons = H.shape
+    if intercept:
+        H, T = centred(H), centred(T)
+    stacked = H
+    if penalised:
+        stacked = jnp.concatenate([H, jnp.sqrt(ridge) * jnp.eye(neurons, dtype=H.dtype)])
+    Q, independent = orthonormal_prefixes(stacked, rank_tolerance(*H.shape))
+    return basis_errors(Q[:samples], T, intercept=intercept, saturates=not penalised), independent
+
+
+_press_errors = jax.jit(press_errors, static_argnames=("intercept", "penalised"))
+
+
+def press_path(H: Any, T: Any, ridge: float = 0.0, *, intercept: bool = False) -> PressPath:
+    """Leave-one-out errors of every prefix of the columns of H, with diagnostics.
+
+    Args:
+        H: regressors in the order of the prefixes, one row per sample.
+        T: targets, one row per sample.
+        ridge: penalty λ ≥ 0 on the squared coefficients, never on the intercept.
+        intercept: fit an intercept; the default is the model Hβ as it stands.
+
+    Returns:
+        The curve and what had to be handled.
+
+    Raises:
+        InputError: unusable H, T or ridge.
+    """
+    H, T = finite_pair(H, T)
+    if not (np.isfinite(ridge) and ridge >= 0):
+        raise InputError(f"ridge must be a finite number of at least 0, not {ridge}.")
+    with float64():
+        errors, independent = _press_errors(H, T, float(ridge), intercept=intercept, penalised=ridge > 0)
+    return path_of(errors, np.asarray(independent), ridge)
+
+
+def path_of(errors: PressErrors, independent: Bool[np.ndarray, "neurons"], ridge: float) -> PressPath:
+    """Bring traced errors to the host."""
+    return PressPath(
+        curve=np.asarray(errors.curve),
+        empty=float(errors.empty),
+        rank=int(independent.sum()),
+        dropped=np.flatnonzero(~independent),
+        capped=np.asarray(errors.capped),
+        ridge=float(ridge),
+    )
+
+
+def basis_path(
+    basis: Float[Array, "entered samples"], T: Float64[np.ndarray, "samples outputs"], neurons: int
+) -> PressPath:
+    """Leave-one-out errors with intercept from a basis of the centred columns, such as MRSR leaves behind.
+
+    Args:
+        basis: one orthonormal row per independent column, in order.
+        T: targets.
+        neurons: length of the curve; columns beyond the basis are dependent.
+
+    Returns:
+        The curve and what had to be handled.
+    """
+    entered = len(basis)
+    with float64():
+        errors = _basis_errors(jnp.pad(basis, ((0, neurons - entered), (0, 0))).T, T)
+    return path_of(errors, np.arange(neurons) < entered, 0.0)
+
+
+@jax.jit
+def _basis_errors(Q, T):
+    return basis_errors(Q, centred(T), intercept=True, saturates=True)
+
+
+def press_curve(H: Any, T: Any, ridge: float = 0.0, *, intercept: bool = False) -> Float64[np.ndarray, "neurons"]:
+    """Mean squared leave-one-out error, over samples and outputs, of the first 1, 2, … columns of H.
+
+    Args, errors: as in `press_path`, whose `curve` this is. Infinite from where a prefix fits every sample exactly.
+    """
+    return press_path(H, T, ridge, intercept=intercept).curve

@@ -1,0 +1,222 @@
+"""The regularised extreme learning machine as a scikit-learn estimator.
+
+A hidden layer with random, fixed weights maps inputs to H; the output weights are the least-squares solution of
+Hβ + b = T. MRSR orders the neurons, PRESS gives the leave-one-out error of every prefix of that order, and the model
+keeps the prefix with the least error. The intercept b is fitted with β, never penalised, and part of what PRESS leaves
+out; the standardisation of inputs and the random weights are fixed beforehand.
+"""
+
+from dataclasses import dataclass
+from numbers import Integral, Real
+from typing import Literal
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import scipy.linalg
+from jaxtyping import Array, Float, Float64, Int
+from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin
+from sklearn.utils import check_random_state
+from sklearn.utils._param_validation import Interval, StrOptions
+from sklearn.utils.validation import check_is_fitted, validate_data
+
+from relm_irl_jax.elm.hidden import ACTIVATIONS, Activation, draw_hidden
+from relm_irl_jax.elm.linear import centred, float64, rank_tolerance
+from relm_irl_jax.elm.mrsr import MRSRPath, path_and_basis
+from relm_irl_jax.elm.press import PressPath, basis_path, press_path
+
+RIDGE_GRID = (0.0, *(10.0**exponent for exponent in range(-8, 2)))
+"""Penalties tried for `ridge="press"`, as shares of the mean squared norm of the centred neurons."""
+
+
+@dataclass(frozen=True)
+class Diagnostics:
+    """What the fit met and handled.
+
+    Attributes:
+        rank: independent neurons among all, the intercept apart; None if neither MRSR nor PRESS ran.
+        dropped: neurons that depend on those before them or are constant, by index of drawing; None likewise.
+        capped: samples whose leverage is one in the chosen model; their error is that of a smaller prefix.
+            None without PRESS.
+        press_empty: leave-one-out error of the intercept alone, to compare the curve with; None without PRESS.
+        ridge_press: leave-one-out error at the chosen size for each penalty tried.
+    """
+
+    rank: int | None
+    dropped: Int[np.ndarray, "dropped"] | None
+    capped: int | None
+    press_empty: float | None
+    ridge_press: dict[float, float]
+
+
+def _solve(H: Float[Array, "samples neurons"], T: Float[Array, "samples outputs"], ridge: Float[Array, ""] | float):
+    """Output weights of centred data by QR, and whether its triangle is well conditioned."""
+    neurons = H.shape[1]
+    stacked = jnp.concatenate([H, jnp.sqrt(ridge) * jnp.eye(neurons, dtype=H.dtype)])
+    Q, R = jnp.linalg.qr(stacked)
+    diagonal = jnp.abs(jnp.diagonal(R))
+    sound = diagonal.min() > rank_tolerance(*H.shape) * diagonal.max()
+    return jax.scipy.linalg.solve_triangular(R, Q[: len(H)].T @ T), sound
+
+
+_solve_jit = jax.jit(_solve)
+
+
+def output_weights(
+    H: Float64[np.ndarray, "samples neurons"], T: Float64[np.ndarray, "samples outputs"], ridge: float = 0.0
+) -> tuple[Float64[np.ndarray, "neurons outputs"], Float64[np.ndarray, "outputs"]]:
+    """Least-squares output weights and intercept; those of least norm where they are not unique.
+
+    Args:
+        H: hidden outputs.
+        T: targets.
+        ridge: penalty λ on the squared weights.
+
+    Returns:
+        β and b.
+    """
+    H_mean, T_mean = H.mean(axis=0), T.mean(axis=0)
+    with float64():
+        Hc, Tc = centred(jnp.asarray(H)), jnp.asarray(T - T_mean)
+        sound = False
+        if H.shape[1] and (ridge > 0 or H.shape[1] < len(H)):
+            beta, sound = _solve_jit(Hc, Tc, ridge)
+    if not sound:
+        beta = scipy.linalg.lstsq(np.asarray(Hc), np.asarray(Tc), check_finite=False)[0]
+    beta = np.asarray(beta)
+    return beta, T_mean - H_mean @ beta
+
+
+class ELMRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
+    """Extreme learning machine with MRSR ordering and PRESS selection.
+
+    Args:
+        n_hidden: random neurons before selection; the paper's is 1950. Activation `linear` has one per input instead.
+        activation: `tanh`, `sigmoid`, `relu`, `rbf` or `linear`, which passes the standardised inputs through.
+        ordering: `mrsr`, or `none` for the order of drawing.
+        norm: norm of MRSR's cumulative correlation, 1 (the paper's) or 2.
+        selection: `press` keeps the prefix of least leave-one-out error, an integer that many neurons, `none` all.
+        ridge: penalty λ ≥ 0 on the output weights, or `press` to choose it from a grid by leave-one-out error.
+        random_state: seed or generator of the hidden weights.
+        gain: standard deviation of the neurons' pre-activations.
+        pass_through: add the standardised inputs to the random neurons.
+
+    Attributes:
+        order_: neurons, by index of drawing, in the order of the curve.
+        press_curve_: mean squared leave-one-out error of the first 1, 2, … of them; None if nothing asked for it.
+        n_selected_: number of neurons kept.
+        ridge_: penalty used.
+        hidden_: the neurons kept, in order.
+        coef_: output weights, one row per kept neuron.
+        intercept_: output of the model where all neurons are zero.
+        mrsr_: the path of the ordering; None for ordering `none`.
+        diagnostics_: what the fit met and handled.
+    """
+
+    _parameter_constraints = {  # noqa: RUF012 - the name and form that scikit-learn reads
+        "n_hidden": [Interval(Integral, 1, None, closed="left")],
+        "activation": [StrOptions(set(ACTIVATIONS))],
+        "ordering": [StrOptions({"mrsr", "none"})],
+        "norm": [Interval(Integral, 1, 2, closed="both")],
+        "selection": [StrOptions({"press", "none"}), Interval(Integral, 1, None, closed="left")],
+        "ridge": [StrOptions({"press"}), Interval(Real, 0, None, closed="left")],
+        "random_state": ["random_state"],
+        "gain": [Interval(Real, 0, None, closed="neither")],
+        "pass_through": ["boolean"],
+    }
+
+    def __init__(
+        self,
+        n_hidden: int = 200,
+        activation: Activation = "tanh",
+        ordering: Literal["mrsr", "none"] = "mrsr",
+        norm: Literal[1, 2] = 1,
+        selection: Literal["press", "none"] | int = "press",
+        ridge: float | Literal["press"] = 0.0,
+        random_state: int | np.random.RandomState | None = None,
+        gain: float = 1.0,
+        pass_through: bool = False,
+    ):
+        self.n_hidden = n_hidden
+        self.activation = activation
+        self.ordering = ordering
+        self.norm = norm
+        self.selection = selection
+        self.ridge = ridge
+        self.random_state = random_state
+        self.gain = gain
+        self.pass_through = pass_through
+
+    def fit(self, X, y) -> "ELMRegressor":
+        """Draw the hidden layer, order and select neurons, and solve for the output weights.
+
+        Args:
+            X: inputs, one row per sample.
+            y: targets, one row or one number per sample.
+
+        Returns:
+            Itself.
+        """
+        self._validate_params()
+        X, y = validate_data(self, X, y, multi_output=True, y_numeric=True, dtype=np.float64, ensure_min_samples=2)
+        T = np.asarray(y, np.float64)
+        self._single_output = T.ndim == 1
+        T = T.reshape(len(T), -1)
+        rng = check_random_state(self.random_state)
+        layer = draw_hidden(X, self.n_hidden, self.activation, rng, gain=self.gain, pass_through=self.pass_through)
+        H = layer(X)
+        count = H.shape[1]
+
+        path, basis = path_and_basis(H, T, self.norm) if self.ordering == "mrsr" else (None, None)
+        self.mrsr_: MRSRPath | None = path
+        self.order_ = np.arange(count) if path is None else path.order
+        presses = self._presses(H[:, self.order_], T, path, basis)
+        sizes = [self._size(press, count) for press in presses]
+        best = min(range(len(presses)), key=lambda i: presses[i].curve[sizes[i] - 1], default=None)
+        press = None if best is None else presses[best]
+        self.press_curve_ = None if press is None else press.curve
+        self.ridge_ = float(self.ridge) if press is None else press.ridge
+        self.n_selected_ = self._size(press, count)
+        kept = self.order_[: self.n_selected_]
+        self.hidden_ = layer.take(kept)
+        self.coef_, self.intercept_ = output_weights(H[:, kept], T, self.ridge_)
+        self.diagnostics_ = Diagnostics(
+            rank=None if path is None and press is None else path.entered if path else press.rank,
+            dropped=path.dependent if path else press.dropped if press else None,
+            capped=None if press is None else int(press.capped[self.n_selected_ - 1]),
+            press_empty=None if press is None else press.empty,
+            ridge_press={press.ridge: float(press.curve[size - 1]) for press, size in zip(presses, sizes, strict=True)},
+        )
+        return self
+
+    def predict(self, X) -> Float64[np.ndarray, "..."]:
+        """Outputs for inputs X, one row per sample; a vector if fitted on one."""
+        check_is_fitted(self)
+        X = validate_data(self, X, reset=False, dtype=np.float64)
+        T = self.hidden_(X) @ self.coef_ + self.intercept_
+        return T[:, 0] if self._single_output else T
+
+    def _size(self, press: PressPath | None, count: int) -> int:
+        """Number of neurons to keep of `count`."""
+        if self.selection == "press":
+            assert press is not None  # `_presses` made a curve
+            return press.best
+        return count if isinstance(self.selection, str) else min(int(self.selection), count)
+
+    def _presses(self, H, T, path, basis) -> list[PressPath]:
+        """Leave-one-out curves of the penalties to choose from, if anything is to be chosen."""
+        if self.selection != "press" and self.ridge != "press":
+            return []
+        if self.ridge == "press":
+            size = np.square(H - H.mean(axis=0)).sum(axis=0).mean()
+            penalties = [share * size for share in RIDGE_GRID]
+        else:
+            penalties = [float(self.ridge)]
+        # MRSR's basis spans the same prefixes, standardised or not, unless it ended early with nothing left to explain.
+        shared = path is not None and path.entered + len(path.dependent) == H.shape[1]
+        return [
+            basis_path(basis[: path.entered], T, H.shape[1])
+            if shared and not ridge
+            else press_path(H, T, ridge, intercept=True)
+            for ridge in penalties
+        ]
