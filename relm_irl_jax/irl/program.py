@@ -1,4 +1,4 @@
-"""The maximum-margin problem as a concave program over coordinates of the reward, solved by Clarabel.
+"""The maximum-margin problem as a concave program over coordinates of the reward, and its certificate.
 
 With r = Bc, the reward relative to the target's is a linear map of c as well, and the program is
 
@@ -6,29 +6,39 @@ With r = Bc, the reward relative to the target's is a linear map of c as well, a
     subject to t_owner(i) ≤ (Mc)_i  for every margin row i,    lower ≤ Bc ≤ upper.
 
 Where the features can express every reward, c is r itself: B is the identity, the rows of M stay as sparse as
-the walks they sum, and the bounds are a box. Otherwise B is a thin orthonormal basis of the rewards that can
-be expressed. This module knows neither features nor JAX, so that solver processes start fast.
+the walks they sum, and the bounds are a box. Otherwise B is a thin basis of the rewards that can be
+expressed.
+
+**Certificate.** Take any y ≥ 0 for the rows, summing to 1 over each state's, any prices π of the rewards and
+any point c̄. By weak duality no feasible c has a larger objective than
+
+    Σ_s max {π_s r − λ₁|r| : lower_s ≤ r ≤ upper_s} + ½ c̄ᵀPc̄ + ‖e‖ max‖c‖,    e = Mᵀy − Bᵀπ − Pc̄.
+
+This holds whatever solver, however inaccurate, proposed y, π and c̄, so the reported gap does not rest on
+trust. This module knows neither features nor JAX, so that solver processes start fast.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-from clarabel import DefaultSettings, DefaultSolver, NonnegativeConeT  # pyrefly: ignore[missing-module-attribute]
 from jaxtyping import Float64, Int64
-from scipy.sparse import block_array, csc_array, csr_array, diags_array, eye_array, triu
+from scipy.sparse import csr_array
 
 from relm_irl_jax.irl.coordinates import Coordinates
-from relm_irl_jax.irl.problem import MarginRows, MaxMarginSettings, Status
+from relm_irl_jax.irl.problem import MarginRows, MaxMarginSettings
 
-_STATUS = {
-    "Solved": Status.OPTIMAL,
-    "AlmostSolved": Status.INACCURATE,
-    "PrimalInfeasible": Status.INFEASIBLE,
-    "AlmostPrimalInfeasible": Status.INFEASIBLE,
-    "DualInfeasible": Status.UNBOUNDED,
-    "AlmostDualInfeasible": Status.UNBOUNDED,
-    "NumericalError": Status.FAILED,
-}
+
+@dataclass(frozen=True)
+class Multipliers:
+    """Prices of the constraints, as a solver proposes them.
+
+    Attributes:
+        margins: y, one for each of `Program.stacked_rows`.
+        rewards: π, what one more unit of a state's reward is worth to the margins.
+    """
+
+    margins: Float64[np.ndarray, "rows"]
+    rewards: Float64[np.ndarray, "states"]
 
 
 @dataclass(frozen=True)
@@ -39,9 +49,9 @@ class Program:
         basis: B, or None for the identity.
         lower: least reward of each state.
         upper: greatest reward of each state.
-        rows: M.
+        rows: M, sparse where B is the identity.
         owner: position of each row's state among the margins.
-        quadratic: P.
+        quadratic: P, or None for zero.
         absolute: λ₁.
         penalty: factor of p on negative margins.
     """
@@ -49,9 +59,9 @@ class Program:
     basis: Float64[np.ndarray, "states rank"] | None
     lower: Float64[np.ndarray, "states"]
     upper: Float64[np.ndarray, "states"]
-    rows: csr_array
+    rows: csr_array | Float64[np.ndarray, "rows rank"]
     owner: Int64[np.ndarray, "rows"]
-    quadratic: csc_array
+    quadratic: Float64[np.ndarray, "rank rank"] | None
     absolute: float
     penalty: float
 
@@ -81,23 +91,53 @@ class Program:
 
     def objective(self, point: Float64[np.ndarray, "rank"]) -> float:
         """The objective at c."""
-        regulariser = 0.5 * point @ (self.quadratic @ point) + self.absolute * np.abs(self.reward(point)).sum()
-        return self.margin_sum(self.margin(point)) - float(regulariser)
+        absolute = self.absolute * float(np.abs(self.reward(point)).sum())
+        return self.margin_sum(self.margin(point)) - self.curvature(point) - absolute
 
+    def excess(self, point: Float64[np.ndarray, "rank"]) -> float:
+        """How far the reward at c is out of bounds, relative to their distance from 0."""
+        reward = self.reward(point)
+        outside = max(np.max(reward - self.upper), np.max(self.lower - reward), 0.0)
+        return float(outside / np.abs([self.lower, self.upper]).max())
 
-@dataclass(frozen=True)
-class Optimum:
-    """What a solver found.
+    def curvature(self, point: Float64[np.ndarray, "rank"]) -> float:
+        """½ cᵀPc."""
+        return 0.0 if self.quadratic is None else 0.5 * float(point @ self.quadratic @ point)
 
-    Attributes:
-        status: how it ended.
-        point: c; meaningful where the status is optimal or inaccurate.
-        bound: no c that satisfies the constraints has a larger objective, by the solver's dual solution.
-    """
+    def stacked_rows(self) -> tuple[csr_array | Float64[np.ndarray, "rows rank"], Int64[np.ndarray, "rows"]]:
+        """The rows with p written out, t ≤ Mc and t ≤ penalty·Mc, and their owners, ascending."""
+        if self.penalty == 1.0:
+            return self.rows, self.owner
+        twice = np.repeat(np.arange(len(self.owner)), 2)
+        factor = np.tile([1.0, self.penalty], len(self.owner))[:, None]
+        return self.rows[twice] * factor, self.owner[twice]
 
-    status: Status
-    point: Float64[np.ndarray, "rank"]
-    bound: float
+    def bound(self, point: Float64[np.ndarray, "rank"], multipliers: Multipliers) -> float:
+        """An upper bound on the objective of every feasible point, see the module's docstring.
+
+        Args:
+            point: c̄.
+            multipliers: y and π; any will do, the solver's make it tight.
+
+        Returns:
+            The bound.
+        """
+        rows, owner = self.stacked_rows()
+        y = np.maximum(multipliers.margins, np.finfo(np.float64).tiny)
+        y /= np.bincount(owner, y)[owner]
+        slope = rows.T @ y
+        if self.quadratic is not None:
+            slope = slope - self.quadratic @ point
+        prices, error = slope, 0.0
+        if self.basis is not None:
+            prices = multipliers.rewards
+            # ‖c‖ ≤ ‖r‖: the basis is orthonormal, in the cost form up to a constant that only adds to r.
+            longest = float(np.abs([self.lower, self.upper]).max()) * np.sqrt(len(self.lower))
+            error = float(np.linalg.norm(slope - self.basis.T @ prices)) * longest
+        # The maximum over an interval that contains 0 of a concave function with a kink there is at 0 or an
+        # end.
+        worth = [prices * end - self.absolute * np.abs(end) for end in (self.lower, self.upper)]
+        return float(np.maximum(np.maximum(*worth), 0.0).sum()) + self.curvature(point) + error
 
 
 def state_program(
@@ -124,71 +164,20 @@ def state_program(
         at_target = csr_array(-weights.sum(axis=1)[:, None])
         unit = csr_array(([1.0], ([0], [target])), shape=(1, n_states))
         weights = csr_array(weights + at_target @ unit)
-    l2 = weight if settings.variant == "lp-l2" else 0.0
     if coordinates.full:
-        basis = None
-        margins = csr_array(weights[:, kept])
-        size = len(kept)
-        quadratic = csc_array(l2 * coordinates.penalty[np.ix_(kept, kept)]) if l2 else csc_array((size, size))
+        basis, rows_of_point = None, csr_array(weights[:, kept])
+        least_norm = coordinates.penalty[np.ix_(kept, kept)] if settings.variant == "lp-l2" else None
     else:
         left = coordinates.left - coordinates.left[target] if cost else coordinates.left
-        basis, margins, size = left[kept], csr_array(weights @ left), left.shape[1]
-        quadratic = csc_array(diags_array(l2 / coordinates.singular**2)) if l2 else csc_array((size, size))
+        basis, rows_of_point = left[kept], weights @ left
+        least_norm = np.diag(coordinates.singular**-2) if settings.variant == "lp-l2" else None
     return Program(
         basis=basis,
         lower=np.full(len(kept), -settings.r_max),
         upper=np.full(len(kept), 0.0 if cost else settings.r_max),
-        rows=margins,
+        rows=rows_of_point,
         owner=rows.owner,
-        quadratic=quadratic,
+        quadratic=None if least_norm is None else weight * least_norm,
         absolute=weight if settings.variant == "lp-l1" else 0.0,
         penalty=settings.penalty,
     )
-
-
-def solve(program: Program) -> Optimum:
-    """Solve a program by Clarabel's interior-point method, in its standard form min ½xᵀPx + qᵀx, Ax + s = b,
-    s ≥ 0.
-
-    Args:
-        program: the program.
-
-    Returns:
-        The optimum, with a named status where there is none.
-    """
-    n_states, n_margins = len(program.lower), program.n_margins
-    n_rows, rank = len(program.owner), program.rank
-    basis = eye_array(n_states, format="csr") if program.basis is None else csr_array(program.basis)
-    owner = csr_array((np.ones(n_rows), (np.arange(n_rows), program.owner)), shape=(n_rows, n_margins))
-    # Columns: c, t and, where |r| is not linear, its bound u.
-    signed = program.absolute > 0.0 and bool((program.upper > 0.0).any())
-    blocks = [[basis, None, None], [-basis, None, None], [-program.rows, owner, None]]
-    right = [program.upper, -program.lower, np.zeros(n_rows)]
-    linear = [np.zeros(rank), -np.ones(n_margins)]
-    if program.penalty > 1.0:
-        blocks.append([-program.penalty * program.rows, owner, None])
-        right.append(np.zeros(n_rows))
-    if signed:
-        identity = eye_array(n_states, format="csr")
-        blocks += [[basis, None, -identity], [-basis, None, -identity]]
-        right += [np.zeros(n_states), np.zeros(n_states)]
-        linear.append(np.full(n_states, program.absolute))
-    else:
-        blocks = [row[:2] for row in blocks]
-        linear[0] = -program.absolute * np.asarray(basis.sum(axis=0))
-    a, b, q = csc_array(block_array(blocks)), np.concatenate(right), np.concatenate(linear)
-    p = csc_array(triu(program.quadratic))
-    p.resize((len(q), len(q)))
-    cones = [NonnegativeConeT(len(b))]
-    result = DefaultSolver(p, q, a, b, cones, _clarabel_settings()).solve()
-    status = _STATUS.get(str(result.status), Status.NOT_CONVERGED)
-    return Optimum(status, np.asarray(result.x)[:rank], -result.obj_val_dual)
-
-
-def _clarabel_settings() -> DefaultSettings:
-    settings = DefaultSettings()
-    settings.verbose = False
-    settings.presolve_enable = False
-    settings.max_threads = 1
-    settings.direct_solve_method = "qdldl"
-    return settings

@@ -14,7 +14,9 @@ from jaxtyping import Float64
 from threadpoolctl import threadpool_limits
 
 from relm_irl_jax.errors import InputError
+from relm_irl_jax.irl.conic import conic
 from relm_irl_jax.irl.coordinates import Coordinates, factorise
+from relm_irl_jax.irl.interior_point import interior_point
 from relm_irl_jax.irl.problem import (
     MaxMarginProblem,
     MaxMarginSettings,
@@ -24,8 +26,11 @@ from relm_irl_jax.irl.problem import (
     margin_rows,
     unsolved,
 )
-from relm_irl_jax.irl.program import solve, state_program
+from relm_irl_jax.irl.program import Multipliers, Program, state_program
 from relm_irl_jax.progress import progress_bar
+
+EXACT, LOOSE = 1e-6, 1e-3
+"""Relative gap and residual up to which a solution counts as optimal, and as inaccurate."""
 
 CHUNK = 8
 """Problems handed to a process at a time."""
@@ -102,6 +107,62 @@ def solve_many(
 
 
 @dataclass(frozen=True)
+class Optimum:
+    """A program's solution, judged by its own certificate and not by the solver's word.
+
+    Attributes:
+        status: optimal or inaccurate by gap and residual; otherwise what the solver said.
+        point: c.
+        objective: the objective at c.
+        gap: how far the certified bound is above the objective, relative to max(1, |objective|).
+        excess: how far the reward is out of bounds, relative to r_max.
+    """
+
+    status: Status
+    point: Float64[np.ndarray, "rank"]
+    objective: float
+    gap: float
+    excess: float
+
+
+def optimise(program: Program) -> Optimum:
+    """Solve a program by the method that suits it, and by Clarabel where that does not give an optimum.
+
+    Sparse programs are Clarabel's, and those whose |r| has a kink inside the bounds; dense ones are solved by
+    `interior_point`, 5 to 20 times as fast there.
+
+    Args:
+        program: the program.
+
+    Returns:
+        The optimum, or the better of what the two methods found.
+    """
+    sparse = program.basis is None and program.quadratic is None
+    if not sparse and not (program.absolute > 0.0 and program.upper.max() > 0.0):
+        found = interior_point(program)
+        optimum = found and _judge(program, *found, Status.NOT_CONVERGED)
+        if optimum and optimum.status is Status.OPTIMAL:
+            return optimum
+    else:
+        optimum = None
+    status, point, multipliers = conic(program)
+    second = _judge(program, point, multipliers, status)
+    return optimum if optimum and max(optimum.gap, optimum.excess) < max(second.gap, second.excess) else second
+
+
+def _judge(program: Program, point: Float64[np.ndarray, "rank"], multipliers: Multipliers, claim: Status) -> Optimum:
+    """Certify what a solver proposes; its claim stands where there is no certificate."""
+    objective, excess = program.objective(point), program.excess(point)
+    gap = (program.bound(point, multipliers) - objective) / max(1.0, abs(objective))
+    worst, status = max(abs(gap), excess), claim
+    if worst <= LOOSE and claim not in (Status.INFEASIBLE, Status.UNBOUNDED):
+        status = Status.OPTIMAL if worst <= EXACT else Status.INACCURATE
+    elif claim in (Status.OPTIMAL, Status.INACCURATE):
+        status = Status.NOT_CONVERGED
+    return Optimum(status, point, objective, gap, excess)
+
+
+@dataclass(frozen=True)
 class _Chunk:
     """Problems of one scene, by number, that one process solves in a row."""
 
@@ -160,28 +221,27 @@ def _solve_reward(
     target = problem.expert.target
     weight = settings.regularisation * len(np.unique(problem.states))
     program = state_program(rows, coordinates, target, settings, weight)
-    optimum = solve(program)
+    optimum = optimise(program)
     if optimum.status not in (Status.OPTIMAL, Status.INACCURATE):
-        return _none(problem, optimum.status, f"the solver ended {optimum.status}")
-    margin, objective = program.margin(optimum.point), program.objective(optimum.point)
-    share = np.nan
-    if settings.variant == "lp":
-        share = 1.0
-    elif settings.pure_share:
-        pure = solve(state_program(rows, coordinates, target, replace(settings, variant="lp"), 0.0))
-        share = program.margin_sum(margin) / pure.bound if pure.status is Status.OPTIMAL and pure.bound else np.nan
-    reward = program.reward(optimum.point)
+        return _none(problem, optimum.status, f"the solver ended with: {optimum.status}")
+    margin = program.margin(optimum.point)
+    share = 1.0 if settings.variant == "lp" else np.nan
+    if settings.pure_share and settings.variant != "lp":
+        pure = optimise(state_program(rows, coordinates, target, replace(settings, variant="lp"), 0.0))
+        if pure.status is Status.OPTIMAL and pure.objective > 0.0:
+            share = program.margin_sum(margin) / pure.objective
     solution = Solution(
         w=np.full(0, np.nan),
         status=optimum.status,
-        objective=objective,
+        objective=optimum.objective,
         share_of_lp=share,
-        duality_gap=(optimum.bound - objective) / max(1.0, abs(objective)),
+        duality_gap=optimum.gap,
         primal_residual=np.nan,
         states=rows.states,
         margin=margin,
         name=problem.name,
     )
+    reward = program.reward(optimum.point)
     return (np.insert(reward, target, 0.0) if settings.form == "cost" else reward), solution
 
 

@@ -19,7 +19,10 @@ from relm_irl_jax.irl import (
     reward,
     solve_many,
 )
+from relm_irl_jax.irl.coordinates import factorise
 from relm_irl_jax.irl.problem import margin_rows
+from relm_irl_jax.irl.program import Multipliers, Program, state_program
+from relm_irl_jax.irl.solver import optimise
 from relm_irl_jax.scenes.scene import successors
 
 from .scenes import grid_scene, pooled_problem, smooth_features
@@ -120,6 +123,41 @@ def test_many_problems_equal_each_alone_and_failures_are_kept_apart():
     assert np.isnan(solutions[1].w).all()
     assert solutions[1].w.shape == solutions[3].w.shape == (6,)
     assert "finite" in solutions[1].message
+
+
+def test_infeasible_and_unbounded_programs_are_named():
+    program = Program(
+        basis=np.array([[1.0, 0.0], [1.0, 0.0]]),
+        lower=np.array([-1.0, -1.0]),
+        upper=np.array([0.0, 0.0]),
+        rows=np.array([[1.0, 1.0]]),
+        owner=np.array([0]),
+        quadratic=None,
+        absolute=0.0,
+        penalty=1.0,
+    )
+    assert optimise(program).status is Status.UNBOUNDED
+    apart = replace(program, rows=np.array([[1.0, 0.0]]), lower=np.array([-1.0, 0.5]), upper=np.array([0.0, 1.0]))
+    assert optimise(apart).status is Status.INFEASIBLE
+
+
+@pytest.mark.parametrize("form", ["cost", "free"])
+@pytest.mark.parametrize("variant", ["lp", "lp-l2", "lp-l1"])
+@pytest.mark.parametrize("dimension", [6, 200])
+def test_no_multipliers_bound_the_objective_from_below_the_optimum(form, variant, dimension):
+    problem = problem_of(dimension)
+    settings = MaxMarginSettings(form=form, variant=variant, penalty=2.0)
+    coordinates = factorise(problem.features, form)
+    rows = margin_rows(problem, settings)
+    program = state_program(rows, coordinates, problem.expert.target, settings, 1e-2)
+    best = optimise(program)
+    generator = np.random.default_rng(0)
+    for _ in range(20):
+        guess = Multipliers(
+            margins=generator.uniform(size=2 * len(rows.owner)), rewards=generator.normal(size=len(program.lower))
+        )
+        point = best.point + 0.1 * generator.normal(size=len(best.point))
+        assert program.bound(point, guess) >= best.objective - 1e-6
 
 
 def test_an_expert_that_an_alternative_beats_is_named_unless_penalised():
