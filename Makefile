@@ -37,7 +37,7 @@ test: $(STAMP)  ## Run the tests.
 	@$(BIN)/python -m pytest $(ARGS)
 
 smoke: $(STAMP)  ## Tiny rooms through every stage and every method.
-	@$(BIN)/relm-irl train --preset smoke --task '$(TASK)' $(ARGS)
+	@$(BIN)/relm-irl train --config experiments/smoke.toml --task '$(TASK)' $(ARGS)
 
 lint: $(STAMP)  ## Style and types.
 	@$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/pyrefly check

@@ -30,3 +30,5 @@ class AgentSettings:
     """Weight of the squared value error beside the policy loss."""
     entropy_weight: Annotated[float, Field(ge=0)] = 0.01
     """Weight of the policy's entropy."""
+    cost_horizon: PositiveFloat = 10.0
+    """Learned rewards cost up to r_max a step; their returns are divided by r_max times this many steps."""

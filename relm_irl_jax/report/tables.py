@@ -1,0 +1,142 @@
+"""The task's table in the paper's layout: methods × (PLE, SR, SPL) × room types and their mean."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from rich.table import Table
+from scipy.stats import t as student
+
+from relm_irl_jax.report.paper import COLUMNS, PAPER
+from relm_irl_jax.scenes.scene import ROOM_TYPES
+
+METRICS = ("ple", "sr", "spl")
+METRIC_NAMES = {"ple": "PLE ↓", "sr": "SR ↑", "spl": "SPL ↑"}
+METHOD_NAMES = {"random": "Random", "rl": "RL", "irl": "IRL", "elm-irl": "ELM-IRL", "relm-irl": "RELM-IRL"}
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One value of the table.
+
+    Attributes:
+        mean: mean over seeds of the mean over scenes.
+        half_width: half of the 95% interval over seeds (Student's t); NaN with one seed.
+    """
+
+    mean: float
+    half_width: float
+
+    def __str__(self) -> str:
+        """The mean, with the interval where there is one."""
+        return f"{self.mean:.2f}" if np.isnan(self.half_width) else f"{self.mean:.2f} ± {self.half_width:.2f}"
+
+
+def columns_of(rows: Sequence[dict]) -> tuple[str, ...]:
+    """Columns of the table: the room types that the results hold, the paper's first, then their mean.
+
+    Args:
+        rows: rows of `results.json`.
+
+    Returns:
+        Column names.
+    """
+    found = {row["room_type"] for row in rows}
+    ordered = [name for name in ROOM_TYPES if name in found] + sorted(found - set(ROOM_TYPES))
+    return (*ordered, "mean")
+
+
+def cell(rows: Sequence[dict], method: str, metric: str, column: str) -> Cell:
+    """Summarise one method, metric and column.
+
+    Args:
+        rows: rows of `results.json`.
+        method: method.
+        metric: `sr`, `ple` or `spl`.
+        column: room type, or `mean` for the mean over room types.
+
+    Returns:
+        The cell; NaN where there are no rows.
+    """
+    own = [row for row in rows if row["method"] == method]
+    by_seed = []
+    for seed in sorted({row["seed"] for row in own}):
+        means = [
+            np.mean([row[metric] for row in own if row["seed"] == seed and row["room_type"] == name])
+            for name in columns_of(rows)[:-1]
+            if column in (name, "mean")
+        ]
+        by_seed.append(np.mean(means))
+    if not by_seed:
+        return Cell(np.nan, np.nan)
+    if len(by_seed) == 1:
+        return Cell(float(by_seed[0]), np.nan)
+    error = np.std(by_seed, ddof=1) / np.sqrt(len(by_seed))
+    return Cell(float(np.mean(by_seed)), float(student.ppf(0.975, len(by_seed) - 1) * error))
+
+
+def methods_of(rows: Sequence[dict]) -> list[str]:
+    """Methods that the results hold, in the order of the paper's tables.
+
+    Args:
+        rows: rows of `results.json`.
+
+    Returns:
+        Method names.
+    """
+    found = {row["method"] for row in rows}
+    return [name for name in METHOD_NAMES if name in found]
+
+
+def _readable(column: str) -> str:
+    return column.replace("_", " ").capitalize()
+
+
+def console_table(results: dict) -> Table:
+    """The table for the terminal.
+
+    Args:
+        results: contents of `results.json`.
+
+    Returns:
+        The table.
+    """
+    rows = results["rows"]
+    columns = columns_of(rows)
+    table = Table(title=f"Task {results['task']}: cap {results['cap']}, encoder {results['encoder']}")
+    for heading in ("Method", "Metric", *map(_readable, columns)):
+        table.add_column(heading, justify="left" if heading in ("Method", "Metric") else "right")
+    for method in methods_of(rows):
+        for position, metric in enumerate(METRICS):
+            table.add_row(
+                METHOD_NAMES[method] if position == 0 else "",
+                METRIC_NAMES[metric],
+                *(str(cell(rows, method, metric, column)) for column in columns),
+                end_section=position == len(METRICS) - 1,
+            )
+    return table
+
+
+def markdown_table(results: dict) -> str:
+    """The table for the report, the paper's numbers beside ours in brackets.
+
+    Args:
+        results: contents of `results.json`.
+
+    Returns:
+        A Markdown table.
+    """
+    rows = results["rows"]
+    columns = columns_of(rows)
+    paper = PAPER[results["task"]]
+    lines = ["| Method | Metric | " + " | ".join(map(_readable, columns)) + " |", "|---|---|" + "---:|" * len(columns)]
+    for method in methods_of(rows):
+        for metric in METRICS:
+            cells = []
+            for column in columns:
+                text = str(cell(rows, method, metric, column))
+                if method in paper and column in COLUMNS:
+                    text += f" ({paper[method][metric][COLUMNS.index(column)]:.2f})"
+                cells.append(text)
+            lines.append(f"| {METHOD_NAMES[method]} | {METRIC_NAMES[metric]} | " + " | ".join(cells) + " |")
+    return "\n".join(lines)

@@ -1,0 +1,226 @@
+"""Returns, loss and gradients of the actor-critic against hand computation and the plain formulation."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from builders import grid_scene
+
+from relm_irl_jax.agent.networks import SiameseActorCritic
+from relm_irl_jax.agent.rollout import Experience, rollout, sample_action
+from relm_irl_jax.agent.settings import AgentSettings
+from relm_irl_jax.agent.train import begin, run_chunk, train, worker_lanes
+from relm_irl_jax.agent.update import Setting, actor_critic_loss, n_step_returns
+from relm_irl_jax.errors import InputError
+from relm_irl_jax.rewards.model import ManualReward
+from relm_irl_jax.tasks import Target
+from relm_irl_jax.world import build_targets, build_world
+
+STEP_COST = ManualReward(jnp.float32(0.0), jnp.float32(-1.0), jnp.float32(-1.0))
+
+
+def returns(reward, terminated, truncated, next_value, discount=0.5):
+    as_float = [jnp.asarray(reward, jnp.float32), jnp.asarray(terminated), jnp.asarray(truncated)]
+    return n_step_returns(*as_float, jnp.asarray(next_value, jnp.float32), discount).tolist()
+
+
+def test_returns_bootstrap_behind_the_last_step():
+    assert returns([1, 1, 1], [False] * 3, [False] * 3, [0, 0, 8]) == [2.75, 3.5, 5.0]
+
+
+def test_termination_does_not_bootstrap():
+    assert returns([1, 1, 1], [False, True, False], [False] * 3, [9, 9, 8]) == [1.5, 1.0, 5.0]
+
+
+def test_truncation_bootstraps_with_the_state_behind_it():
+    assert returns([1, 1, 1], [False] * 3, [False, True, False], [9, 4, 8]) == [2.5, 3.0, 5.0]
+
+
+def room(n_features: int = 12):
+    generator = np.random.default_rng(0)
+    scenes = [
+        grid_scene(2, 2, name="bathroom-0", features=generator.normal(size=(16, n_features)).astype(np.float32)),
+        grid_scene(3, 2, name="bedroom-0", features=generator.normal(size=(24, n_features)).astype(np.float32)),
+    ]
+    return build_world(scenes, [0, 1]), build_targets(scenes, [Target(0, 3), Target(0, 9), Target(1, 20)])
+
+
+def test_tables_equal_the_plain_network_in_outputs_and_gradients():
+    world, targets = room()
+    network = SiameseActorCritic(n_heads=2, width=16)
+    head = jnp.arange(2)
+    view = world.features[jnp.asarray([[1, 5, 5], [17, 20, 39]])]
+    wanted = world.features[targets.state[jnp.asarray([[0, 1, 1], [2, 2, 2]])]]
+    parameters = network.init(jax.random.key(1), view, wanted, head)
+    parameters = jax.tree.map(lambda p: p + 0.1 * jax.random.normal(jax.random.key(p.size), p.shape), parameters)
+
+    def plain(parameters):
+        logits, value = network.apply(parameters, view, wanted, head)
+        return (jnp.sin(logits).sum() + jnp.cos(value).sum()), (logits, value)
+
+    def tabled(parameters):
+        tables = network.apply(parameters, world.features, targets.state, method="fusion_tables")
+        state, target = jnp.asarray([[1, 5, 5], [17, 20, 39]]), jnp.asarray([[0, 1, 1], [2, 2, 2]])
+        logits, value = network.apply(parameters, tables.state[state] + tables.target[target], head, method="heads")
+        return (jnp.sin(logits).sum() + jnp.cos(value).sum()), (logits, value)
+
+    (_, outputs), gradients = jax.value_and_grad(plain, has_aux=True)(parameters)
+    (_, tabled_outputs), tabled_gradients = jax.value_and_grad(tabled, has_aux=True)(parameters)
+    for a, b in zip(jax.tree.leaves((outputs, gradients)), jax.tree.leaves((tabled_outputs, tabled_gradients)), strict=True):
+        np.testing.assert_allclose(a, b, atol=1e-5, rtol=1e-5)
+
+
+def test_actions_are_drawn_from_the_softmax():
+    logits = jnp.log(jnp.asarray([0.1, 0.2, 0.3, 0.4])) + 5.0
+    drawn = sample_action(jax.random.key(0), jnp.broadcast_to(logits, (40_000, 4)))
+    np.testing.assert_allclose(np.bincount(drawn, minlength=4) / 40_000, [0.1, 0.2, 0.3, 0.4], atol=0.01)
+
+
+def setting_and_learner(settings):
+    world, targets = room()
+    network = SiameseActorCritic(n_heads=2, width=settings.width)
+    lane = worker_lanes(targets, world, 2, settings.workers)
+    learner = begin(jax.random.key(0), world, targets, lane, network, settings)
+    return Setting(world, targets, lane, STEP_COST, jnp.float32(10.0)), learner, network
+
+
+def test_rollout_counts_every_episode_and_redraws_start_and_target():
+    settings = AgentSettings(workers=64, t_max=40, width=8)
+    setting, learner, _ = setting_and_learner(settings)
+    _, experience, sums = rollout(
+        jax.random.key(3),
+        lambda state, target: jnp.zeros((*state.shape, 4)),
+        learner.episode,
+        setting.lane,
+        setting.world,
+        setting.targets,
+        STEP_COST,
+        jnp.int32(30),
+        settings.t_max,
+    )
+    done = np.asarray(experience.terminated | experience.truncated)
+    assert int(sums.episodes) == done.sum()
+    assert int(sums.successes) == np.asarray(experience.terminated).sum()
+    state, next_state, target = (np.asarray(x) for x in (experience.state, experience.next_state, experience.target))
+    goes_on = ~done[:-1]
+    assert (state[1:][goes_on] == next_state[:-1][goes_on]).all()
+    assert (target[1:][goes_on] == target[:-1][goes_on]).all()
+    fresh = done[:-1, 0]  # workers of the head with two targets
+    assert set(target[1:, 0][fresh]) == {0, 1}
+    assert len(set(state[1:, 0][fresh])) > 8
+    assert (np.asarray(setting.world.head)[state] == np.arange(2)[:, None]).all()
+    assert not (np.asarray(experience.terminated) & np.asarray(experience.truncated)).any()
+
+
+def test_loss_equals_a_hand_written_loop():
+    """One worker, four steps: truncated at the second, terminated at the third."""
+    settings = AgentSettings(discount=0.9, value_weight=0.5, entropy_weight=0.1, t_max=4)
+    generator = np.random.default_rng(2)
+    logits, value = generator.normal(size=(10, 4)), generator.normal(size=10)
+    state, next_state = [0, 1, 2, 3], [1, 7, 8, 9]
+    action, reward = [1, 0, 3, 2], [0.5, -1.0, 2.0, 0.25]
+    column = lambda values, dtype: jnp.asarray(values, dtype).reshape(4, 1, 1)  # noqa: E731
+    experience = Experience(
+        state=column(state, jnp.int32),
+        target=column([0, 0, 0, 0], jnp.int32),
+        action=column(action, jnp.int32),
+        reward=column(reward, jnp.float32),
+        next_state=column(next_state, jnp.int32),
+        terminated=column([False, False, True, False], bool),
+        truncated=column([False, True, False, False], bool),
+    )
+    table = jnp.asarray(logits, jnp.float32), jnp.asarray(value, jnp.float32)
+    loss = actor_critic_loss(lambda s, t: (table[0][s], table[1][s]), experience, jnp.float32(2.0), settings)
+
+    last = 0.125 + 0.9 * value[9]
+    third = 1.0
+    second = -0.5 + 0.9 * value[7]
+    first = 0.25 + 0.9 * second
+    expected = 0.0
+    for s, a, R in zip(state, action, [first, second, third, last], strict=True):
+        probability = np.exp(logits[s]) / np.exp(logits[s]).sum()
+        delta = R - value[s]
+        entropy = -(probability * np.log(probability)).sum()
+        expected += (-np.log(probability[a]) * delta + 0.5 * delta**2 - 0.1 * entropy) / 4
+    assert float(loss) == pytest.approx(expected, rel=1e-5)
+
+
+def test_gradient_over_workers_is_the_mean_of_single_workers():
+    settings = AgentSettings(workers=8, t_max=5, width=8)
+    setting, learner, network = setting_and_learner(settings)
+    world, targets = setting.world, setting.targets
+    _, experience, _ = rollout(
+        jax.random.key(4),
+        lambda s, t: jnp.zeros((*s.shape, 4)),
+        learner.episode,
+        setting.lane,
+        world,
+        targets,
+        STEP_COST,
+        jnp.int32(7),
+        settings.t_max,
+    )
+
+    def gradient(experience):
+        def loss(parameters):
+            tables = network.apply(parameters, world.features, targets.state, method="fusion_tables")
+            value_of = lambda s, t: network.apply(  # noqa: E731
+                parameters, tables.state[s] + tables.target[t], jnp.arange(2), method="heads"
+            )
+            return actor_critic_loss(value_of, experience, jnp.float32(10.0), settings)
+
+        return jax.grad(loss)(learner.parameters)
+
+    together = gradient(experience)
+    singles = [gradient(jax.tree.map(lambda x, i=i: x[:, :, i : i + 1], experience)) for i in range(4)]
+    mean = jax.tree.map(lambda *g: sum(g) / 4, *singles)
+    for a, b in zip(jax.tree.leaves(together), jax.tree.leaves(mean), strict=True):
+        np.testing.assert_allclose(a, b, atol=1e-6, rtol=1e-4)
+
+
+def test_memory_of_metrics_does_not_grow_with_updates():
+    settings = AgentSettings(workers=4, t_max=2, width=4)
+    setting, learner, network = setting_and_learner(settings)
+    shapes = [
+        jax.tree.map(
+            lambda x: x.shape,
+            jax.eval_shape(
+                lambda l, s, n=updates: run_chunk(l, s, network=network, settings=settings, cap=20, updates=n),
+                learner,
+                setting,
+            ),
+        )
+        for updates in (1, 100_000)
+    ]
+    assert shapes[0] == shapes[1]
+
+
+def test_same_key_same_agent():
+    settings = AgentSettings(workers=8, t_max=4, width=8)
+    world, targets = room()
+    runs = [train(jax.random.key(5), world, targets, STEP_COST, 10.0, 2, settings, 20, 500) for _ in range(2)]
+    for a, b in zip(jax.tree.leaves(runs[0][0]), jax.tree.leaves(runs[1][0]), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_a_small_room_is_learned():
+    """A 2 × 2 and a 3 × 2 room with distinct views: the agent comes within a step of the shortest paths."""
+    settings = AgentSettings(workers=64, t_max=8, width=32, entropy_weight=0.003)
+    world, targets = room(40)
+    _, curve = train(jax.random.key(0), world, targets, STEP_COST, 10.0, 2, settings, 30, 160_000)
+    assert curve.success_rate[-1] == 1.0
+    assert curve.path_length_error[-1] < 1.0
+    assert curve.path_length_error[0] > 3.0
+
+
+@pytest.mark.parametrize(
+    ("settings", "cap", "message"),
+    [
+        (AgentSettings(t_max=16), 10, r"tasks\.cap: 10 is below agent\.t_max"),
+        (AgentSettings(workers=1), 50, r"agent\.workers: 1 workers cannot serve 2 heads"),
+    ],
+)
+def test_settings_that_cannot_work_are_refused(settings, cap, message):
+    world, targets = room()
+    with pytest.raises(InputError, match=message):
+        train(jax.random.key(0), world, targets, STEP_COST, 10.0, 2, settings, cap, 100)
