@@ -37,9 +37,7 @@ def encode_cached(
         try:
             return _load(path, len(views))
         except (SafetensorError, OSError, ValueError) as error:
-            console.print(
-                f"{path.name}: damaged features ({error}), encoding again", style="yellow", highlight=False
-            )
+            console.print(f"{path.name}: damaged features ({error}), encoding again", style="yellow", highlight=False)
     features = encode(encoder, views, description)
     _save(features, path)
     return features

@@ -46,6 +46,9 @@ class EncoderSettings:
     seed: int = pydantic.Field(default=0, ge=0)
     """Seed of random weights."""
 
+    residual_scale: float = pydantic.Field(default=0.25, ge=0, le=1)
+    """Random weights: what each of the 16 blocks adds to its input; 1/√16 lets all of them add as much as the input."""
+
     image_size: int = pydantic.Field(default=224, ge=MIN_SIZE)
     """Height and width at which views are encoded."""
 
@@ -92,14 +95,10 @@ def make_encoder(settings: EncoderSettings, calibration_views: Views | None = No
     """
     if settings.weights == "random":
         if calibration_views is None or len(calibration_views) == 0:
-            raise InputError(
-                "random encoder weights need calibration views to measure batch-norm statistics on."
-            )
-        spread = np.linspace(
-            0, len(calibration_views) - 1, min(len(calibration_views), settings.calibration_views)
-        )
+            raise InputError("random encoder weights need calibration views to measure batch-norm statistics on.")
+        spread = np.linspace(0, len(calibration_views) - 1, min(len(calibration_views), settings.calibration_views))
         images = preprocess(jnp.asarray(calibration_views[spread.astype(int)]), settings.image_size)
-        state = weights.calibrated(weights.random_state_dict(settings.seed), images)
+        state = weights.calibrated(weights.random_state_dict(settings.seed, settings.residual_scale), images)
         name = f"resnet50 random/{settings.seed}"
     elif settings.weights in weights.PUBLISHED:
         state = weights.load_state_dict(weights.fetch_published(settings.weights))
@@ -117,9 +116,7 @@ def make_encoder(settings: EncoderSettings, calibration_views: Views | None = No
     )
 
 
-def encode(
-    encoder: Encoder, views: Views, description: str = "encoding views"
-) -> Float32[np.ndarray, "view 2048"]:
+def encode(encoder: Encoder, views: Views, description: str = "encoding views") -> Float32[np.ndarray, "view 2048"]:
     """Feature vectors of views: the last map, averaged over its places.
 
     Args:
@@ -171,9 +168,7 @@ def preprocess(views: UInt8[Array, "view height width 3"], size: int) -> Float[A
 
 
 @partial(jax.jit, static_argnames=("size", "pool"))
-def _features(
-    params: weights.Params, views: UInt8[Array, "view height width 3"], size: int, pool: bool
-) -> Array:
+def _features(params: weights.Params, views: UInt8[Array, "view height width 3"], size: int, pool: bool) -> Array:
     """Features of one batch."""
     maps = ResNet50().bind({"params": params})(preprocess(views, size))
     return pooled(maps) if pool else maps
@@ -182,9 +177,7 @@ def _features(
 def _encode(encoder: Encoder, views: Views, description: str, pool: bool) -> np.ndarray:
     """Encode in batches of one size, the last one padded, each spread over all devices."""
     if views.ndim != 4 or views.shape[-1] != 3 or views.dtype != np.uint8:
-        raise InputError(
-            f"views must be uint8 of shape (N, height, width, 3), not {views.dtype} {views.shape}."
-        )
+        raise InputError(f"views must be uint8 of shape (N, height, width, 3), not {views.dtype} {views.shape}.")
     mesh = jax.make_mesh((jax.device_count(),), ("view",))
     over_devices, everywhere = (
         NamedSharding(mesh, PartitionSpec("view")),

@@ -48,28 +48,18 @@ class Convolution(nn.Module):
     calibrate: bool = False
 
     @nn.compact
-    def __call__(
-        self, x: Float[Array, "view height width channel"]
-    ) -> Float[Array, "view rows columns feature"]:
+    def __call__(self, x: Float[Array, "view height width channel"]) -> Float[Array, "view rows columns feature"]:
         """Convolve."""
-        x = nn.Conv(
-            self.features,
-            (self.size, self.size),
-            strides=self.stride,
-            padding=self.size // 2,
-            use_bias=not self.calibrate,
-            name="convolution",
-        )(x)
+        use_bias = not self.calibrate
+        if self.size == 1:
+            # A 1x1 convolution is a matrix product over places, and XLA's is the faster of the two on a CPU.
+            x = nn.Dense(self.features, use_bias, name="convolution")(x[:, :: self.stride, :: self.stride])
+        else:
+            kernel, padding = (self.size, self.size), self.size // 2
+            convolution = nn.Conv(self.features, kernel, self.stride, padding, use_bias=use_bias, name="convolution")
+            x = convolution(x)
         if self.calibrate:
-            norm = nn.BatchNorm(
-                use_running_average=False,
-                momentum=0.0,
-                epsilon=EPSILON,
-                use_scale=False,
-                use_bias=False,
-                use_fast_variance=False,
-                name="normalisation",
-            )
+            norm = nn.BatchNorm(False, momentum=0.0, epsilon=EPSILON, use_fast_variance=False, name="normalisation")
             x = norm(x)
         return x
 
@@ -83,9 +73,7 @@ class Bottleneck(nn.Module):
     calibrate: bool = False
 
     @nn.compact
-    def __call__(
-        self, x: Float[Array, "view height width channel"]
-    ) -> Float[Array, "view rows columns feature"]:
+    def __call__(self, x: Float[Array, "view height width channel"]) -> Float[Array, "view rows columns feature"]:
         """Apply the block."""
         calibrate = self.calibrate
         y = nn.relu(Convolution(self.width, 1, calibrate=calibrate, name="conv1")(x))

@@ -64,11 +64,13 @@ FILE_NAME = "model.safetensors"
 """Name of the file of weights in a repository on the hub."""
 
 
-def random_state_dict(seed: int) -> dict[str, np.ndarray]:
+def random_state_dict(seed: int, residual_scale: float = 1.0) -> dict[str, np.ndarray]:
     """Untrained weights: kernels N(0, 2/(out·height·width)) as torchvision starts them, identity batch norms.
 
     Args:
         seed: of numpy's PCG64 generator, whose stream is the same on every machine.
+        residual_scale: γ of the last batch norm of each block: what a block adds to its input, relative to unit
+            variance. At 1 sixteen untrained blocks scramble what the first layers see.
 
     Returns:
         A state dict; see `calibrated` for its statistics.
@@ -79,7 +81,8 @@ def random_state_dict(seed: int) -> dict[str, np.ndarray]:
         out, _, height, width = layer.shape
         scale = np.float32(np.sqrt(2 / (out * height * width)))
         state[f"{layer.convolution}.weight"] = scale * rng.standard_normal(layer.shape, dtype=np.float32)
-        for name, value in zip(NORMALISATION, (1.0, 0.0, 0.0, 1.0), strict=True):
+        gamma = residual_scale if layer.path[-1] == "conv3" else 1.0
+        for name, value in zip(NORMALISATION, (gamma, 0.0, 0.0, 1.0), strict=True):
             state[f"{layer.normalisation}.{name}"] = np.full(out, value, np.float32)
     return state
 
@@ -88,7 +91,7 @@ def calibrated(state: StateDict, images: Float[Array, "view height width 3"]) ->
     """Set every batch norm's statistics to those of the images, in one pass layer by layer.
 
     Each layer normalises by the batch before the next one sees it, so that all statistics are those of the
-    calibrated network. γ and β are taken as 1 and 0: this is for untrained weights.
+    calibrated network.
 
     Args:
         state: a state dict.
@@ -97,8 +100,7 @@ def calibrated(state: StateDict, images: Float[Array, "view height width 3"]) ->
     Returns:
         The state dict with `running_mean` and `running_var` of the images.
     """
-    network = jax.jit(ResNet50(calibrate=True).apply, static_argnames="mutable")
-    _, measured = network({"params": kernels(state)}, images, mutable="batch_stats")
+    _, measured = _calibrating({"params": unfolded(state)}, images, mutable="batch_stats")
     statistics = flatten_dict(measured["batch_stats"])
     updated = dict(state)
     for layer in layers():
@@ -115,15 +117,27 @@ def folded(state: StateDict) -> Params:
         state: a state dict.
 
     Returns:
-        The tree of parameters, kernels as (height, width, in, out).
+        The tree of parameters.
     """
     params = {}
     for layer in layers():
-        gamma, beta, mean, variance = (state[f"{layer.normalisation}.{name}"] for name in NORMALISATION)
-        scale = gamma / np.sqrt(variance.astype(np.float64) + EPSILON)
-        params[(*layer.path, "convolution", "kernel")] = (_kernel(state, layer) * scale).astype(np.float32)
-        params[(*layer.path, "convolution", "bias")] = (beta - mean * scale).astype(np.float32)
+        kernel, bias = folded_layer(state, layer)
+        params[(*layer.path, "convolution", "kernel")] = _in_our_layout(kernel)
+        params[(*layer.path, "convolution", "bias")] = bias
     return unflatten_dict(params)
+
+
+def folded_layer(state: StateDict, layer: Layer) -> tuple[np.ndarray, np.ndarray]:
+    """Kernel, in torch's layout, and bias of one layer with its batch norm folded.
+
+    Args:
+        state: a state dict.
+        layer: the layer.
+    """
+    gamma, beta, mean, variance = (state[f"{layer.normalisation}.{name}"] for name in NORMALISATION)
+    scale = gamma / np.sqrt(variance.astype(np.float64) + EPSILON)
+    kernel = state[f"{layer.convolution}.weight"] * scale[:, None, None, None]
+    return kernel.astype(np.float32), (beta - mean * scale).astype(np.float32)
 
 
 def fingerprint(state: StateDict) -> str:
@@ -162,9 +176,7 @@ def fetch_published(name: str) -> Path:
     if not path.exists():
         repository, revision = published.repository, published.revision
         try:
-            checksum = (
-                checksum or get_hf_file_metadata(hf_hub_url(repository, FILE_NAME, revision=revision)).etag
-            )
+            checksum = checksum or get_hf_file_metadata(hf_hub_url(repository, FILE_NAME, revision=revision)).etag
             hf_hub_download(repository, FILE_NAME, revision=revision, local_dir=path.parent)
         except (OSError, ValueError) as error:  # no network, offline mode, no such file on the hub
             raise InputError(
@@ -196,9 +208,7 @@ def load_state_dict(path: Path) -> dict[str, np.ndarray]:
             misshapen.
     """
     if not path.is_file():
-        raise InputError(
-            f"{path}: no such file of weights; weights are random, {', '.join(PUBLISHED)} or a file."
-        )
+        raise InputError(f"{path}: no such file of weights; weights are random, {', '.join(PUBLISHED)} or a file.")
     try:
         found = load_file(path)
     except SafetensorError as error:
@@ -230,17 +240,24 @@ def expected_shapes() -> dict[str, tuple[int, ...]]:
     return shapes
 
 
-def kernels(state: StateDict) -> Params:
-    """Parameters of `ResNet50(calibrate=True)`: the kernels as (height, width, in, out).
+def unfolded(state: StateDict) -> Params:
+    """Parameters of `ResNet50(calibrate=True)`: kernels, γ and β.
 
     Args:
         state: a state dict.
     """
-    return unflatten_dict(
-        {(*layer.path, "convolution", "kernel"): _kernel(state, layer) for layer in layers()}
-    )
+    params = {}
+    for layer in layers():
+        params[(*layer.path, "convolution", "kernel")] = _in_our_layout(state[f"{layer.convolution}.weight"])
+        params[(*layer.path, "normalisation", "scale")] = state[f"{layer.normalisation}.weight"]
+        params[(*layer.path, "normalisation", "bias")] = state[f"{layer.normalisation}.bias"]
+    return unflatten_dict(params)
 
 
-def _kernel(state: StateDict, layer: Layer) -> np.ndarray:
-    """Kernel of a layer as (height, width, in, out)."""
-    return state[f"{layer.convolution}.weight"].transpose(2, 3, 1, 0)
+_calibrating = jax.jit(ResNet50(calibrate=True).apply, static_argnames="mutable")
+
+
+def _in_our_layout(kernel: np.ndarray) -> np.ndarray:
+    """Torch's kernel as (height, width, in, out), or (in, out) where height and width are 1."""
+    kernel = kernel.transpose(2, 3, 1, 0)
+    return kernel[0, 0] if kernel.shape[:2] == (1, 1) else kernel

@@ -92,9 +92,7 @@ def test_the_cache_is_read_and_keyed_by_views_and_encoder(encoder, views, tmp_pa
 
 
 @pytest.mark.parametrize("damage", [lambda b: b[:100], lambda b: b[:-1] + bytes([b[-1] ^ 1]), lambda b: b""])
-def test_a_damaged_cache_is_computed_again_with_a_notice(
-    encoder, views, tmp_path, monkeypatch, capsys, damage
-):
+def test_a_damaged_cache_is_computed_again_with_a_notice(encoder, views, tmp_path, monkeypatch, capsys, damage):
     features = np.zeros((len(views), 2048), np.float32)
     monkeypatch.setattr(cache, "encode", lambda *_: features)
     encode_cached(views, encoder, tmp_path)

@@ -98,10 +98,8 @@ def test_calibrated_statistics_are_those_of_the_calibrated_network():
     """Folding the measured statistics gives the very network that ran while they were measured."""
     images = np.random.default_rng(1).normal(size=(4, 64, 64, 3)).astype(np.float32)
     state = weights.random_state_dict(seed=0)
-    params = {"params": weights.kernels(state)}
-    ran, _ = jax.jit(ResNet50(calibrate=True).apply, static_argnames="mutable")(
-        params, images, mutable="batch_stats"
-    )
+    params = {"params": weights.unfolded(state)}
+    ran, _ = jax.jit(ResNet50(calibrate=True).apply, static_argnames="mutable")(params, images, mutable="batch_stats")
 
     folded = weights.folded(weights.calibrated(state, images))
 
