@@ -6,11 +6,10 @@ from typing import Protocol
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optax
 from jaxtyping import Array, Bool, Int32, PRNGKeyArray
 
 from relm_irl_jax import env
-from relm_irl_jax.agent.networks import FusionTables, SiameseActorCritic
+from relm_irl_jax.agent.networks import FusionTables, Parameters, SiameseActorCritic, policy_and_value, tabulate
 from relm_irl_jax.agent.rollout import sample_action
 from relm_irl_jax.env import Lane
 from relm_irl_jax.scenes.scene import ACTIONS
@@ -52,7 +51,7 @@ class NetworkPolicy:
         greedy: take the most probable action instead of drawing from the policy. Static.
     """
 
-    parameters: optax.Params
+    parameters: Parameters
     tables: FusionTables
     head: Int32[Array, "scenes"]
     network: SiameseActorCritic = field(metadata={"static": True})
@@ -62,14 +61,13 @@ class NetworkPolicy:
         self, key: PRNGKeyArray, state: Int32[Array, "scenes batch"], target: Int32[Array, "scenes batch"]
     ) -> Int32[Array, "scenes batch"]:
         """Return one action a worker."""
-        fusion = self.tables.state[state] + self.tables.target[target]
-        logits, _ = self.network.apply(self.parameters, fusion, self.head, method="heads")
+        logits, _ = policy_and_value(self.network, self.parameters, self.tables, state, target, self.head)
         return jnp.argmax(logits, -1).astype(jnp.int32) if self.greedy else sample_action(key, logits)
 
 
 def network_policy(
     network: SiameseActorCritic,
-    parameters: optax.Params,
+    parameters: Parameters,
     world: World,
     targets: Targets,
     *,
@@ -87,7 +85,7 @@ def network_policy(
     Returns:
         The policy.
     """
-    tables = network.apply(parameters, world.features, targets.state, method="fusion_tables")
+    tables = tabulate(network, parameters, world.features, targets.state)
     first_state = jnp.searchsorted(world.scene, jnp.arange(_n_scenes(world)))
     return NetworkPolicy(parameters, tables, world.head[first_state], network, greedy)
 

@@ -19,14 +19,25 @@ from relm_irl_jax.errors import InputError
 from relm_irl_jax.evaluation import RandomPolicy, evaluate, metrics, network_policy
 from relm_irl_jax.features.cache import encode_cached
 from relm_irl_jax.features.encoder import Encoder, make_encoder
+from relm_irl_jax.irl import reward
 from relm_irl_jax.progress import progress_bar
+from relm_irl_jax.report.figures import reward_maps, save_figure
 from relm_irl_jax.report.page import machine, write_report
+from relm_irl_jax.report.tables import METHOD_NAMES
 from relm_irl_jax.rewards.assemble import demonstrated_reward, manual_reward, predicted_reward
 from relm_irl_jax.rewards.demonstrations import DemonstratedReward, RewardBasis, fit_basis, learn_rewards
 from relm_irl_jax.rewards.model import RewardModel
 from relm_irl_jax.rewards.prediction import fit_machine, pair_data, pair_inputs
 from relm_irl_jax.rewards.quality import judge, judge_predictions
-from relm_irl_jax.runs import RunFolder, load_parameters, open_run, save_arrays, save_parameters, write_json, write_table
+from relm_irl_jax.runs import (
+    RunFolder,
+    load_parameters,
+    open_run,
+    save_arrays,
+    save_parameters,
+    write_json,
+    write_table,
+)
 from relm_irl_jax.scenes.catalog import ROOMS, cache_folder, check_source, training_scenes, unseen_scenes, without_views
 from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.tasks import TaskSplit, draw_split
@@ -144,7 +155,7 @@ def encode_training(config: Config) -> EncodedScenes:
         return EncodedScenes([without_views(scene) for scene in scenes], None, scenes[0].encoder)
     # Random weights take their statistics from training views only, so that unseen scenes stay unseen.
     share = -(-config.encoder.calibration_views // len(scenes))
-    views = [scene.observation[:: max(1, scene.n_states // share)][:share] for scene in scenes]
+    views = [scene.views[:: max(1, scene.n_states // share)][:share] for scene in scenes]
     encoder = make_encoder(config.encoder, np.concatenate(views))
     return EncodedScenes([_encoded(scene, encoder) for scene in scenes], encoder, encoder.name)
 
@@ -166,7 +177,7 @@ def encode_unseen(config: Config, training: EncodedScenes) -> list[Scene]:
 
 
 def _encoded(scene: Scene, encoder: Encoder) -> Scene:
-    features = encode_cached(scene.observation, encoder, cache_folder() / "features", f"encoding {scene.name}")
+    features = encode_cached(scene.views, encoder, cache_folder() / "features", f"encoding {scene.name}")
     return dataclasses.replace(without_views(scene), features=features, encoder=encoder.name)
 
 
@@ -208,7 +219,31 @@ def learn(config: Config, scenes: Sequence[Scene], split: TaskSplit, seed: int, 
         curve = {"neurons": neurons, "mean_squared_error": regularised.press_curve_}
         write_table(folder.rewards(seed, "press.csv"), curve)
     _judge_rewards(scenes, split, learned, seed, folder)
+    _map_rewards(scenes, split, learned, seed, folder)
     return learned
+
+
+def _map_rewards(
+    scenes: Sequence[Scene], split: TaskSplit, learned: LearnedRewards, seed: int, folder: RunFolder
+) -> None:
+    """Map r(s) of every learned reward over one room of each type, for a trained and for a new target."""
+    demonstrated = {record.target: record.solution.w for record in learned.records if record.trained}
+    first_scene = {scene.room_type: number for number, scene in reversed(list(enumerate(scenes)))}
+    for room_type, number in first_scene.items():
+        scene = scenes[number]
+        for name, targets in (("trained", split.training), ("new", split.new)):
+            target = next(target for target in targets if target.scene == number)
+            start = int(scene.shortest_path_distance[:, target.state].argmax())
+            pair = pair_inputs(scene.encoded[[start]], scene.encoded[[target.state]])
+            weights = {"IRL": demonstrated[target]} if target in demonstrated else {}
+            weights |= {METHOD_NAMES[m]: machine_.predict(pair)[0] for m, machine_ in learned.machines.items()}
+            phi = learned.basis(scene.encoded)
+            values = {title: reward(phi, target.state, w) for title, w in weights.items()}
+            table = {"x": scene.location[:, 0], "z": scene.location[:, 1], "rotation": scene.rotation, **values}
+            write_table(folder.rewards(seed, f"map-{name}-{room_type}.csv"), table)
+            if seed == 0:
+                figure = reward_maps(scene, target.state, start, values)
+                save_figure(figure, folder.file("figures", f"reward-{name}-{room_type}.png"))
 
 
 def _judge_rewards(
@@ -272,11 +307,11 @@ def world_of(config: Config, scenes: Sequence[Scene], training: Sequence[Scene])
     Returns:
         The world.
     """
-    views = np.concatenate([scene.features for scene in training])
+    views = np.concatenate([scene.encoded for scene in training])
     mean, deviation = views.mean(0), views.std(0)
     spread = np.where(deviation > 1e-6 * deviation.max(), deviation, np.inf)
     standardised = [
-        dataclasses.replace(scene, features=((scene.features - mean) / spread).astype(np.float32)) for scene in scenes
+        dataclasses.replace(scene, features=((scene.encoded - mean) / spread).astype(np.float32)) for scene in scenes
     ]
     return build_world(standardised, head_numbers(config, scenes, training)[0])
 

@@ -21,11 +21,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import optax
 from flax.traverse_util import flatten_dict, unflatten_dict
 from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
+from relm_irl_jax.agent.networks import Parameters
 from relm_irl_jax.config import Config, config_record, fingerprint, load_config, trained_part
 from relm_irl_jax.errors import InputError
 
@@ -173,7 +173,7 @@ def save_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
     write_bytes(path, save({key: np.ascontiguousarray(value) for key, value in arrays.items()}))
 
 
-def save_parameters(path: Path, parameters: optax.Params) -> None:
+def save_parameters(path: Path, parameters: Parameters) -> None:
     """Write a network's parameters as safetensors.
 
     Args:
@@ -183,7 +183,7 @@ def save_parameters(path: Path, parameters: optax.Params) -> None:
     save_arrays(path, {key: np.asarray(value) for key, value in flatten_dict(parameters, sep="/").items()})
 
 
-def load_parameters(path: Path) -> optax.Params:
+def load_parameters(path: Path) -> Parameters:
     """Read a network's parameters.
 
     Args:

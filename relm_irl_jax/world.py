@@ -72,9 +72,6 @@ def build_world(scenes: Sequence[Scene], heads: Sequence[int]) -> World:
     Raises:
         InputError: a scene has no features.
     """
-    for scene in scenes:
-        if scene.features is None:
-            raise InputError(f"{scene.name}: the scene has no features; encode it before building a world.")
     offsets = scene_offsets(scenes)
     sizes = [scene.n_states for scene in scenes]
     return World(
@@ -84,7 +81,7 @@ def build_world(scenes: Sequence[Scene], heads: Sequence[int]) -> World:
         scene=jnp.asarray(np.repeat(np.arange(len(scenes)), sizes), jnp.int32),
         local=jnp.asarray(np.concatenate([np.arange(size) for size in sizes]), jnp.int32),
         head=jnp.asarray(np.repeat(np.asarray(heads), sizes), jnp.int32),
-        features=jnp.asarray(np.concatenate([scene.features for scene in scenes]), jnp.float32),
+        features=jnp.asarray(np.concatenate([scene.encoded for scene in scenes]), jnp.float32),
     )
 
 

@@ -80,7 +80,8 @@ def test_resets_draw_start_and_target_uniformly():
     keys = jax.random.split(jax.random.key(0), draws)
     episodes = jax.vmap(lambda key: env.reset(key, targets, lane))(keys)
     pairs = np.stack([episodes.target, episodes.start])
-    counted = {pair: count for pair, count in zip(map(tuple, np.unique(pairs, axis=1).T), np.unique(pairs, axis=1, return_counts=True)[1], strict=True)}
+    distinct, counts = np.unique(pairs, axis=1, return_counts=True)
+    counted = dict(zip(map(tuple, distinct.T), counts, strict=True))
     assert len(counted) == 3 * 35  # every pair but those of a target with itself
     assert all(start != targets.state[row] for row, start in counted)
     expected = draws / len(counted)
@@ -92,8 +93,15 @@ def test_resets_draw_start_and_target_uniformly():
 
 def test_starts_that_cannot_reach_the_target_are_never_drawn():
     location, rotation, graph = pose_graph([(0, 0), (1, 0), (9, 9)])
-    scene = Scene("bathroom-0", "bathroom", location, rotation, graph, shortest_path_distances(graph),
-                  features=np.zeros((12, 2), np.float32))
+    scene = Scene(
+        "bathroom-0",
+        "bathroom",
+        location,
+        rotation,
+        graph,
+        shortest_path_distances(graph),
+        features=np.zeros((12, 2), np.float32),
+    )
     targets = build_targets([scene], [Target(0, 2)])
     assert int(targets.n_starts[0]) == 7
     keys = jax.random.split(jax.random.key(1), 500)

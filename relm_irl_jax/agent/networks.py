@@ -10,13 +10,18 @@ Views are few and fixed, so z(·)U and z(·)V are computed once per update as ta
 (`__call__`) is the same function, frame by frame.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any, cast
 
 import flax.linen as nn
 import jax
 from jaxtyping import Array, Float32, Int32
 
 from relm_irl_jax.scenes.scene import ACTIONS
+
+Parameters = Mapping[str, Mapping[str, Any]]
+"""The network's parameters θ: nested dictionaries of arrays."""
 
 
 @jax.tree_util.register_dataclass
@@ -111,3 +116,48 @@ class SiameseActorCritic(nn.Module):
         """
         current, wanted = nn.relu(self.shared(view)), nn.relu(self.shared(target))
         return self.heads(self.fusion_state(current) + self.fusion_target(wanted), head)
+
+
+def tabulate(
+    network: SiameseActorCritic,
+    parameters: Parameters,
+    features: Float32[Array, "states feature"],
+    target_state: Int32[Array, "targets"],
+) -> FusionTables:
+    """Apply `SiameseActorCritic.fusion_tables`.
+
+    Args:
+        network: the network. Static.
+        parameters: θ.
+        features: encoded view of every state.
+        target_state: state of every target.
+
+    Returns:
+        The tables.
+    """
+    return cast(FusionTables, network.apply(parameters, features, target_state, method="fusion_tables"))
+
+
+def policy_and_value(
+    network: SiameseActorCritic,
+    parameters: Parameters,
+    tables: FusionTables,
+    state: Int32[Array, "groups batch"],
+    target: Int32[Array, "groups batch"],
+    head: Int32[Array, "groups"],
+) -> tuple[Float32[Array, "groups batch 4"], Float32[Array, "groups batch"]]:
+    """Look up the tables and apply `SiameseActorCritic.heads`.
+
+    Args:
+        network: the network. Static.
+        parameters: θ.
+        tables: both halves of the fusion layer.
+        state: states in the world.
+        target: rows of the targets.
+        head: head that serves each group.
+
+    Returns:
+        Action logits and values.
+    """
+    fusion = tables.state[state] + tables.target[target]
+    return cast(tuple[Array, Array], network.apply(parameters, fusion, head, method="heads"))

@@ -7,11 +7,10 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optax
 from jaxtyping import Array, Float64
 
 from relm_irl_jax import env
-from relm_irl_jax.agent.networks import SiameseActorCritic
+from relm_irl_jax.agent.networks import Parameters, SiameseActorCritic
 from relm_irl_jax.agent.rollout import EpisodeSums
 from relm_irl_jax.agent.settings import AgentSettings
 from relm_irl_jax.agent.update import Learner, Setting, optimiser_of, update
@@ -154,7 +153,7 @@ def train(
     cap: int,
     frames: int,
     report: Callable[[int], None] = lambda frames: None,
-) -> tuple[optax.Params, LearningCurve]:
+) -> tuple[Parameters, LearningCurve]:
     """Train an agent.
 
     Args:

@@ -4,14 +4,16 @@ All workers act from the same parameters θ and their gradients are averaged int
 of A3C, in which no worker's gradient is stale.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import cast
 
 import jax
 import jax.numpy as jnp
 import optax
 from jaxtyping import Array, Bool, Float32, PRNGKeyArray
 
-from relm_irl_jax.agent.networks import FusionTables, SiameseActorCritic
+from relm_irl_jax.agent.networks import FusionTables, Parameters, SiameseActorCritic, policy_and_value, tabulate
 from relm_irl_jax.agent.rollout import EpisodeSums, Experience, rollout
 from relm_irl_jax.agent.settings import AgentSettings
 from relm_irl_jax.env import Episode, Lane
@@ -31,7 +33,7 @@ class Learner:
         key: source of all later randomness.
     """
 
-    parameters: optax.Params
+    parameters: Parameters
     optimiser: optax.OptState
     episode: Episode
     key: PRNGKeyArray
@@ -124,18 +126,15 @@ def update(
     world, targets = setting.world, setting.targets
     heads = jnp.arange(network.n_heads)
 
-    def tabulate(parameters: optax.Params) -> FusionTables:
-        return network.apply(parameters, world.features, targets.state, method="fusion_tables")
+    def evaluate(parameters: Parameters, tables: FusionTables, state: Array, target: Array) -> tuple[Array, Array]:
+        return policy_and_value(network, parameters, tables, state, target, heads)
 
-    def policy_and_value(
-        parameters: optax.Params, tables: FusionTables, state: Array, target: Array
-    ) -> tuple[Array, Array]:
-        return network.apply(parameters, tables.state[state] + tables.target[target], heads, method="heads")
-
-    tables, pull_back = jax.vjp(tabulate, learner.parameters)
+    tables, pull_back = jax.vjp(
+        lambda parameters: tabulate(network, parameters, world.features, targets.state), learner.parameters
+    )
     episode, experience, sums = rollout(
         rollout_key,
-        lambda state, target: policy_and_value(learner.parameters, tables, state, target)[0],
+        lambda state, target: evaluate(learner.parameters, tables, state, target)[0],
         learner.episode,
         setting.lane,
         world,
@@ -145,9 +144,9 @@ def update(
         settings.t_max,
     )
 
-    def loss(parameters: optax.Params, tables: FusionTables) -> Array:
+    def loss(parameters: Parameters, tables: FusionTables) -> Array:
         return actor_critic_loss(
-            lambda state, target: policy_and_value(parameters, tables, state, target),
+            lambda state, target: evaluate(parameters, tables, state, target),
             experience,
             setting.return_scale,
             settings,
@@ -156,12 +155,15 @@ def update(
     of_heads, of_tables = jax.grad(loss, argnums=(0, 1))(learner.parameters, tables)
     gradient = jax.tree.map(jnp.add, of_heads, pull_back(of_tables)[0])
     change, optimiser = optimiser_of(settings).update(gradient, learner.optimiser, learner.parameters)
-    parameters = optax.apply_updates(learner.parameters, change)
+    parameters = cast(Parameters, optax.apply_updates(learner.parameters, change))
     return Learner(parameters, optimiser, episode, key), sums
 
 
 def actor_critic_loss(
-    policy_and_value, experience: Experience, return_scale: Float32[Array, ""], settings: AgentSettings
+    outputs: Callable[[Array, Array], tuple[Array, Array]],
+    experience: Experience,
+    return_scale: Float32[Array, ""],
+    settings: AgentSettings,
 ) -> Float32[Array, ""]:
     """Policy-gradient loss, value error and entropy, averaged over steps and workers (Equations 20-22).
 
@@ -172,7 +174,7 @@ def actor_critic_loss(
     evaluated apart; since the cap is not below t_max, a worker is truncated at most once in a rollout.
 
     Args:
-        policy_and_value: maps states and targets [groups, batch] to logits and values.
+        outputs: maps states and targets [groups, batch] to logits and values.
         experience: the steps.
         return_scale: divisor of returns.
         settings: the agent's settings.
@@ -185,7 +187,9 @@ def actor_critic_loss(
     def evaluate(state: Array, target: Array) -> tuple[Array, Array]:
         """Fold time into the batch, so that every group is one large product."""
         folded = [jnp.moveaxis(x, 0, 1).reshape(groups, -1) for x in (state, target)]
-        return tuple(jnp.moveaxis(y.reshape(groups, -1, batch, *y.shape[2:]), 1, 0) for y in policy_and_value(*folded))
+        unfold = lambda y: jnp.moveaxis(y.reshape(groups, -1, batch, *y.shape[2:]), 1, 0)  # noqa: E731
+        logits, value = outputs(folded[0], folded[1])
+        return unfold(logits), unfold(value)
 
     logits, value = evaluate(experience.state, experience.target)
     cut = jnp.argmax(experience.truncated, axis=0)[None]

@@ -77,23 +77,22 @@ def press_figure(curve: Float[np.ndarray, "neurons"], chosen: int) -> Figure:
     panel.plot(chosen, curve[chosen - 1], "o", color="black")
     panel.annotate(f"{chosen} neurons kept", (chosen, curve[chosen - 1]), xytext=(8, 14), textcoords="offset points")
     finite = curve[np.isfinite(curve)]
-    panel.set(
-        xlabel="neurons in MRSR order", ylabel="mean squared leave-one-out error", xlim=(0, None), yscale="log"
-    )
+    panel.set(xlabel="neurons in MRSR order", ylabel="mean squared leave-one-out error", xlim=(0, None), yscale="log")
     panel.set_ylim(finite.min() * 0.9, min(finite.max(), finite.min() * 100) * 1.1)
     panel.grid(alpha=0.25)
     return figure
 
 
-def reward_maps(scene: Scene, target: int, rewards: Mapping[str, Float[np.ndarray, "states"]]) -> Figure:
+def reward_maps(scene: Scene, target: int, start: int, rewards: Mapping[str, Float[np.ndarray, "states"]]) -> Figure:
     """Maps of r(s) over a room, seen from above, one a method.
 
-    Each place is a square of four triangles, one a heading; darker is worse. The star is the target, its arrow the
-    heading at which it is reached.
+    Each place is a square of four triangles, one a heading. The star is the target and its arrow the heading at which
+    it is reached; the ring is the start from which predicted rewards are predicted.
 
     Args:
         scene: the room.
         target: the target's state.
+        start: the start's state.
         rewards: reward of every state, by title.
 
     Returns:
@@ -107,12 +106,9 @@ def reward_maps(scene: Scene, target: int, rewards: Mapping[str, Float[np.ndarra
         collection = _triangles(panel, scene, values)
         place, heading = scene.location[target], np.deg2rad(scene.rotation[target])
         panel.plot(*place, "*", color="#d62728", markersize=13, markeredgecolor="white")
-        panel.annotate(
-            "",
-            place + 0.75 * np.array([np.sin(heading), np.cos(heading)]),
-            place,
-            arrowprops={"arrowstyle": "->", "color": "#d62728", "lw": 1.8},
-        )
+        panel.plot(*scene.location[start], "o", color="none", markersize=9, markeredgecolor="#d62728")
+        tip = place + 0.75 * np.array([np.sin(heading), np.cos(heading)])
+        panel.annotate("", tip, place, arrowprops={"arrowstyle": "->", "color": "#d62728", "lw": 1.8})
         panel.set(title=title, aspect="equal", xlabel="x in metres", ylabel="z in metres")
         figure.colorbar(collection, ax=panel, label="r(s)", shrink=0.8)
     figure.suptitle(f"{scene.name}, target state {target}")

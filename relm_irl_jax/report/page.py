@@ -44,6 +44,7 @@ def write_report(folder: RunFolder, config: Config, results: dict) -> Path:
         The report.
     """
     figures = _figures(folder, config, results)
+    interval = ", ± a 95% interval over seeds" if config.seeds > 1 else ""
     text = [
         f"# Task {results['task']}",
         "",
@@ -54,9 +55,9 @@ def write_report(folder: RunFolder, config: Config, results: dict) -> Path:
         "",
         markdown_table(results),
         "",
-        "Each value is the mean over the scenes of a room type" + (", ± a 95% interval over seeds" if config.seeds > 1 else "")
-        + "; the last column is the mean over room types. In brackets: the paper's own number for another environment "
-        "(AI2-THOR, photographs of other rooms, an encoder trained on ImageNet), not a like-for-like comparison.",
+        f"Each value is the mean over the scenes of a room type{interval}; the last column is the mean over room types. "
+        "In brackets: the paper's own number for another environment (AI2-THOR, an encoder trained on ImageNet), not a "
+        "like-for-like comparison.",
         "",
         *(f"![{title}]({path.relative_to(folder.path)})\n" for title, path in figures),
     ]

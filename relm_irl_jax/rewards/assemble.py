@@ -96,7 +96,7 @@ def predicted_reward(
     row = np.zeros((len(targets), max(scene.n_states for scene in scenes)), np.int32)
     weights, first = [], 0
     for number, (target, size) in enumerate(zip(targets, sizes, strict=True)):
-        features = scenes[target.scene].features
+        features = scenes[target.scene].encoded
         wanted = np.broadcast_to(features[target.state], features.shape)
         weights.append(machine.predict(pair_inputs(features, wanted)))
         row[number, :size] = first + np.arange(size)
@@ -116,7 +116,7 @@ def _linear(
     return LinearReward(
         weights=jnp.asarray(weights, jnp.float32),
         row=jnp.asarray(row),
-        features=jnp.asarray(np.concatenate([basis(scene.features) for scene in scenes]), jnp.float32),
+        features=jnp.asarray(np.concatenate([basis(scene.encoded) for scene in scenes]), jnp.float32),
         r_max=jnp.float32(settings.program.r_max),
         cost_form=settings.program.form == "cost",
         follow=follow,

@@ -90,7 +90,7 @@ def fit_basis(scenes: Sequence[Scene], dimension: int) -> RewardBasis:
     Raises:
         InputError: more components are asked for than the views span.
     """
-    features = np.concatenate([np.asarray(scene.features, np.float64) for scene in scenes])
+    features = np.concatenate([np.asarray(scene.encoded, np.float64) for scene in scenes])
     mean = features.mean(0)
     variance, directions = np.linalg.eigh((features - mean).T @ (features - mean) / len(features))
     spanned = int((variance > variance[-1] * 1e-12).sum())
@@ -151,7 +151,7 @@ def learn_rewards(
             trained = {target.state for target in split.training if target.scene == number}
             forbidden = split.evaluation_only(number) | trained
             asked += [(Target(number, end), starts, False) for end, starts in sub_walks(inside, forbidden).items()]
-    features = [basis(scene.features) for scene in scenes]
+    features = [basis(scene.encoded) for scene in scenes]
     following = [successors(scene.graph) for scene in scenes]
     problems = [
         MaxMarginProblem(

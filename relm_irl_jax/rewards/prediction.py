@@ -83,9 +83,11 @@ def pair_data(
     if len(owner) > most:
         kept = np.sort(generator.choice(len(owner), most, replace=False))
         owner, starts = owner[kept], starts[kept]
-    first = np.stack([scenes[records[i].target.scene].features[s] for i, s in zip(owner, starts, strict=True)])
-    wanted = np.stack([scenes[records[i].target.scene].features[records[i].target.state] for i in owner])
-    return PairData(pair_inputs(first, wanted), np.stack([records[i].solution.w for i in owner]))
+    own = [records[number] for number in owner.tolist()]
+    views = [scenes[record.target.scene].encoded for record in own]
+    first = np.stack([view[start] for view, start in zip(views, starts, strict=True)])
+    wanted = np.stack([view[record.target.state] for view, record in zip(views, own, strict=True)])
+    return PairData(pair_inputs(first, wanted), np.stack([record.solution.w for record in own]))
 
 
 def fit_machine(data: PairData, settings: ElmSettings, seed: int, *, regularised: bool) -> ELMRegressor:

@@ -44,7 +44,7 @@ def judge(scene: Scene, target: int, basis: RewardBasis, weights: Float64[np.nda
     Returns:
         The judgement.
     """
-    values = reward(basis(scene.features), target, weights)
+    values = reward(basis(scene.encoded), target, weights)
     distance = scene.shortest_path_distance[:, target]
     others = (distance > 0) & (np.arange(len(values)) != target)
     constant = np.ptp(values[others]) == 0
@@ -80,7 +80,7 @@ def judge_predictions(
     for target in targets:
         scene = scenes[target.scene]
         able = np.flatnonzero(scene.shortest_path_distance[:, target.state] > 0)
-        first = scene.features[generator.choice(able, min(starts, len(able)), replace=False)]
-        wanted = np.broadcast_to(scene.features[target.state], first.shape)
+        first = scene.encoded[generator.choice(able, min(starts, len(able)), replace=False)]
+        wanted = np.broadcast_to(scene.encoded[target.state], first.shape)
         judged += [judge(scene, target.state, basis, weights) for weights in predict(first, wanted)]
     return judged

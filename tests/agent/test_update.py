@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from builders import grid_scene
 
-from relm_irl_jax.agent.networks import SiameseActorCritic
+from relm_irl_jax.agent.networks import SiameseActorCritic, policy_and_value, tabulate
 from relm_irl_jax.agent.rollout import Experience, rollout, sample_action
 from relm_irl_jax.agent.settings import AgentSettings
 from relm_irl_jax.agent.train import begin, run_chunk, train, worker_lanes
@@ -59,14 +59,16 @@ def test_tables_equal_the_plain_network_in_outputs_and_gradients():
         return (jnp.sin(logits).sum() + jnp.cos(value).sum()), (logits, value)
 
     def tabled(parameters):
-        tables = network.apply(parameters, world.features, targets.state, method="fusion_tables")
+        tables = tabulate(network, parameters, world.features, targets.state)
         state, target = jnp.asarray([[1, 5, 5], [17, 20, 39]]), jnp.asarray([[0, 1, 1], [2, 2, 2]])
-        logits, value = network.apply(parameters, tables.state[state] + tables.target[target], head, method="heads")
+        logits, value = policy_and_value(network, parameters, tables, state, target, head)
         return (jnp.sin(logits).sum() + jnp.cos(value).sum()), (logits, value)
 
     (_, outputs), gradients = jax.value_and_grad(plain, has_aux=True)(parameters)
     (_, tabled_outputs), tabled_gradients = jax.value_and_grad(tabled, has_aux=True)(parameters)
-    for a, b in zip(jax.tree.leaves((outputs, gradients)), jax.tree.leaves((tabled_outputs, tabled_gradients)), strict=True):
+    for a, b in zip(
+        jax.tree.leaves((outputs, gradients)), jax.tree.leaves((tabled_outputs, tabled_gradients)), strict=True
+    ):
         np.testing.assert_allclose(a, b, atol=1e-5, rtol=1e-5)
 
 
@@ -163,11 +165,9 @@ def test_gradient_over_workers_is_the_mean_of_single_workers():
 
     def gradient(experience):
         def loss(parameters):
-            tables = network.apply(parameters, world.features, targets.state, method="fusion_tables")
-            value_of = lambda s, t: network.apply(  # noqa: E731
-                parameters, tables.state[s] + tables.target[t], jnp.arange(2), method="heads"
-            )
-            return actor_critic_loss(value_of, experience, jnp.float32(10.0), settings)
+            tables = tabulate(network, parameters, world.features, targets.state)
+            outputs = lambda s, t: policy_and_value(network, parameters, tables, s, t, jnp.arange(2))  # noqa: E731
+            return actor_critic_loss(outputs, experience, jnp.float32(10.0), settings)
 
         return jax.grad(loss)(learner.parameters)
 
@@ -185,7 +185,9 @@ def test_memory_of_metrics_does_not_grow_with_updates():
         jax.tree.map(
             lambda x: x.shape,
             jax.eval_shape(
-                lambda l, s, n=updates: run_chunk(l, s, network=network, settings=settings, cap=20, updates=n),
+                lambda carry, fixed, n=updates: run_chunk(
+                    carry, fixed, network=network, settings=settings, cap=20, updates=n
+                ),
                 learner,
                 setting,
             ),
