@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from relm_irl_jax.irl.expectations import feature_expectations as feature_expectations
+    from relm_irl_jax.irl.methods import MethodSettings as MethodSettings
+    from relm_irl_jax.irl.methods import learn as learn
     from relm_irl_jax.irl.problem import MaxMarginProblem as MaxMarginProblem
     from relm_irl_jax.irl.problem import MaxMarginSettings as MaxMarginSettings
     from relm_irl_jax.irl.problem import Solution as Solution
@@ -20,6 +22,8 @@ if TYPE_CHECKING:
 
 _HOME = {
     "feature_expectations": "expectations",
+    "MethodSettings": "methods",
+    "learn": "methods",
     "MaxMarginProblem": "problem",
     "MaxMarginSettings": "problem",
     "Solution": "problem",

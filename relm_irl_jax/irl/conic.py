@@ -4,7 +4,12 @@ The method of choice where the program is sparse, and the one to fall back on an
 """
 
 import numpy as np
-from clarabel import DefaultSettings, DefaultSolver, NonnegativeConeT  # pyrefly: ignore[missing-module-attribute]
+from clarabel import (
+    DefaultSettings,  # pyrefly: ignore[missing-module-attribute]
+    DefaultSolver,  # pyrefly: ignore[missing-module-attribute]
+    NonnegativeConeT,  # pyrefly: ignore[missing-module-attribute]
+    ZeroConeT,  # pyrefly: ignore[missing-module-attribute]
+)
 from jaxtyping import Float64
 from scipy.sparse import block_array, csc_array, csr_array, eye_array, triu
 
@@ -48,22 +53,38 @@ def conic(program: Program) -> tuple[Status, Float64[np.ndarray, "rank"], Multip
     q = np.concatenate(linear)
     p = csc_array((len(q), len(q)))
     if program.quadratic is not None:
-        p = csc_array(triu(csc_array(program.quadratic)))
+        p = csc_array(program.quadratic)
         p.resize((len(q), len(q)))
     a, b = csc_array(block_array(blocks)), np.concatenate(right)
-    result = DefaultSolver(p, q, a, b, [NonnegativeConeT(len(b))], _settings()).solve()
-    z = np.asarray(result.z)
+    status, point, z, _ = minimise(p, q, a, b, equalities=0)
     ends = np.cumsum([n_states, n_states, n_rows, *[n_states] * (2 * (program.absolute > 0.0))])
     held_above, held_below, margins, *signs = np.split(z, ends[:-1])
     prices = held_above - held_below + (signs[0] - signs[1] if signs else 0.0)
-    status = _STATUS.get(str(result.status), Status.NOT_CONVERGED)
-    return status, np.asarray(result.x)[:rank], Multipliers(margins, prices)
+    return status, point[:rank], Multipliers(margins, prices)
 
 
-def _settings() -> DefaultSettings:
+def minimise(
+    p: csc_array, q: Float64[np.ndarray, "n"], a: csc_array, b: Float64[np.ndarray, "rows"], equalities: int
+) -> tuple[Status, Float64[np.ndarray, "n"], Float64[np.ndarray, "rows"], float]:
+    """Minimise ½xᵀPx + qᵀx, the first rows of Ax = b holding with equality and the others as Ax ≤ b.
+
+    Args:
+        p: P, of which the upper triangle counts.
+        q: q.
+        a: A.
+        b: b.
+        equalities: number of rows that hold with equality.
+
+    Returns:
+        How Clarabel says it ended, x, the multipliers and the duality gap, relative.
+    """
     settings = DefaultSettings()
     settings.verbose = False
     settings.presolve_enable = False
     settings.max_threads = 1
     settings.direct_solve_method = "qdldl"
-    return settings
+    cones = [ZeroConeT(equalities)] * (equalities > 0) + [NonnegativeConeT(len(b) - equalities)]
+    result = DefaultSolver(csc_array(triu(p)), q, a, b, cones, settings).solve()
+    status = _STATUS.get(str(result.status), Status.NOT_CONVERGED)
+    gap = abs(result.obj_val - result.obj_val_dual) / max(1.0, abs(result.obj_val))
+    return status, np.asarray(result.x), np.asarray(result.z), gap

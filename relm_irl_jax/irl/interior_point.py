@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float64
+from scipy.linalg.blas import dsyrk  # pyrefly: ignore[missing-module-attribute]
 from scipy.linalg.lapack import dpotrf, dpotrs  # pyrefly: ignore[missing-module-attribute]
 
 from relm_irl_jax.irl.program import Multipliers, Program
@@ -76,6 +77,7 @@ def interior_point(program: Program) -> tuple[Float64[np.ndarray, "rank"], Multi
     c, t = np.zeros(k), np.full(n_margins, -size)
     s = np.maximum(bounds - forward(c, t), size)
     z = np.ones(len(bounds))
+    matrix, diagonal = np.empty((k, k), order="F"), np.arange(k)
     stacked = np.empty((len(owner) + (0 if basis is None else n), k))
     for _ in range(STEPS):
         gradient_c, gradient_t = backward(z)
@@ -98,12 +100,12 @@ def interior_point(program: Program) -> tuple[Float64[np.ndarray, "rank"], Multi
         np.multiply(np.sqrt(weight[2 * n :])[:, None], m - mean[owner], out=stacked[-len(owner) :])
         if basis is not None:
             np.multiply(np.sqrt(held)[:, None], basis, out=stacked[:n])
-        matrix = stacked.T @ stacked
+        matrix[:] = 0.0 if quadratic is None else quadratic
+        matrix = dsyrk(1.0, stacked.T, beta=1.0, c=matrix, lower=1, overwrite_c=1)
         if basis is None:
-            matrix.flat[:: k + 1] += held
-        if quadratic is not None:
-            matrix += quadratic
-        factor, failed = dpotrf(matrix.T, lower=1, overwrite_a=1, clean=0)
+            matrix[diagonal, diagonal] += held
+        matrix[diagonal, diagonal] *= 1.0 + 1e-14
+        factor, failed = dpotrf(matrix, lower=1, overwrite_a=1, clean=0)
         if failed:
             return None
 

@@ -206,12 +206,31 @@ def margin_rows(problem: MaxMarginProblem, settings: MaxMarginSettings) -> Margi
     return MarginRows(csr_array(gain - loss), owner, states.astype(np.int32))
 
 
-def check_problem(problem: MaxMarginProblem, settings: MaxMarginSettings) -> None:
+def margin_of(
+    problem: MaxMarginProblem, w: Float64[np.ndarray, "d"], discount: float
+) -> tuple[Int32[np.ndarray, "decisions"], Float64[np.ndarray, "decisions"]]:
+    """The margins of any w, whatever method it is from.
+
+    Args:
+        problem: the problem.
+        w: weights.
+        discount: γ.
+
+    Returns:
+        The states that have a margin, and the margins.
+    """
+    rows = margin_rows(problem, MaxMarginSettings(discount=discount))
+    margin = np.full(len(rows.states), np.inf)
+    np.minimum.at(margin, rows.owner, rows.weights @ reward(problem.features, problem.expert.target, w))
+    return rows.states, margin
+
+
+def check_problem(problem: MaxMarginProblem, settings: MaxMarginSettings | None = None) -> None:
     """Refuse a problem that cannot be stated.
 
     Args:
         problem: the problem.
-        settings: how it is stated.
+        settings: how it is stated; None for methods to which an expert that is beaten is no obstacle.
 
     Raises:
         InputError: names the problem, what is wrong with it and the remedy.
@@ -227,7 +246,7 @@ def check_problem(problem: MaxMarginProblem, settings: MaxMarginSettings) -> Non
             "leave out trajectories that do not arrive."
         )
     beaten, action = np.nonzero(expert.better[states])
-    if len(beaten) and settings.penalty == 1.0:
+    if len(beaten) and settings is not None and settings.penalty == 1.0:
         raise InputError(
             f"{name}: at state {states[beaten[0]]} action {action[0]} is better than the expert's action "
             f"{expert.action[states[beaten[0]]]}; for experts that are not optimal set the penalty to 2."
