@@ -55,7 +55,7 @@ def write_report(folder: RunFolder, config: Config, results: dict) -> Path:
         "",
         markdown_table(results),
         "",
-        f"Each value is the mean over the scenes of a room type{interval}; the last column is the mean over room types. "
+        f"Each value is the mean over the scenes of a room type{interval}; the last column the mean over room types. "
         "In brackets: the paper's own number for another environment (AI2-THOR, an encoder trained on ImageNet), not a "
         "like-for-like comparison.",
         "",

@@ -1,0 +1,59 @@
+"""Configurations: files, refusals, and what trained agents depend on."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from relm_irl_jax.config import Config, config_from_record, config_record, fingerprint, load_config
+from relm_irl_jax.errors import InputError
+
+EXPERIMENTS = sorted((Path(__file__).parents[1] / "experiments").glob("*.toml"))
+
+
+def test_record_and_back():
+    config = Config(task="III", methods=("rl", "irl"), frames=7)
+    assert config_from_record(config_record(config), "memory") == config
+
+
+@pytest.mark.parametrize("path", EXPERIMENTS, ids=lambda path: path.stem)
+def test_every_experiment_loads(path):
+    assert load_config(path) != Config()
+
+
+def test_there_are_experiments():
+    assert EXPERIMENTS
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("frames = 0", r"c\.toml: frames = 0 is refused: input should be greater than 0"),
+        ('task = "IV"', r"c\.toml: task = 'IV' is refused"),
+        ("[agent]\nworkres = 3", r"c\.toml: unknown field `agent\.workres`"),
+        ("agent = 3", r"c\.toml: `agent` is a group of fields"),
+        ("frames = = 3", r"c\.toml: is not valid TOML"),
+    ],
+)
+def test_refusals_name_file_and_field(tmp_path, text, message):
+    (tmp_path / "c.toml").write_text(text)
+    with pytest.raises(InputError, match=message):
+        load_config(tmp_path / "c.toml")
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(InputError, match=r"absent\.toml: cannot be read"):
+        load_config(tmp_path / "absent.toml")
+
+
+def test_agents_do_not_depend_on_task_methods_seeds_or_evaluation():
+    config = Config()
+    other = replace(config, task="I", methods=("rl",), seeds=5, run=Path("x"))
+    assert fingerprint(config) == fingerprint(other)
+    assert fingerprint(config) != fingerprint(replace(config, frames=5))
+    assert fingerprint(config) != fingerprint(replace(config, agent=replace(config.agent, width=8)))
+
+
+def test_methods_come_in_the_order_of_the_tables():
+    assert Config(methods=("relm-irl", "random")).chosen_methods() == ("random", "relm-irl")
+    assert len(Config().chosen_methods()) == 5

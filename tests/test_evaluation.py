@@ -1,0 +1,90 @@
+"""The paper's metrics against hand computation, and episodes under policies whose outcome is known."""
+
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from builders import grid_scene
+from jaxtyping import Array
+
+from relm_irl_jax.evaluation import Episodes, RandomPolicy, evaluate, metrics
+from relm_irl_jax.experts import shortest_path_expert
+from relm_irl_jax.tasks import Target
+from relm_irl_jax.world import build_targets, build_world
+
+
+def test_metrics_by_hand():
+    """Shortest paths 4 and 10: reached in 5, and cut at 100."""
+    episodes = Episodes(
+        target=np.zeros((1, 2), np.int32),
+        start=np.zeros((1, 2), np.int32),
+        length=np.asarray([[5, 100]], np.int32),
+        shortest=np.asarray([[4, 10]], np.int32),
+        success=np.asarray([[True, False]]),
+    )
+    measured = metrics(episodes, 0)
+    assert measured.episodes == 2
+    assert measured.success_rate == 0.5
+    assert measured.path_length_error == pytest.approx((1 + 90) / 2)
+    assert measured.spl == pytest.approx(0.5 * 4 / 5)
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class TablePolicy:
+    """Takes the action that a table names for target and state."""
+
+    action: Array
+
+    def __call__(self, key, state, target):
+        return self.action[target, state]
+
+
+def scenes_and_targets():
+    scenes = [
+        grid_scene(2, 3, features=np.zeros((24, 2), np.float32)),
+        grid_scene(4, 3, features=np.zeros((48, 2), np.float32)),
+    ]
+    targets = [Target(0, 5), Target(0, 20), Target(1, 33)]
+    return scenes, targets, build_world(scenes, [0, 0]), build_targets(scenes, targets)
+
+
+def test_the_expert_is_perfect():
+    scenes, targets, world, tables = scenes_and_targets()
+    action = np.zeros((3, 72), np.int32)
+    for row, target in enumerate(targets):
+        offset = (0, 24)[target.scene]
+        decided = shortest_path_expert(scenes[target.scene], target.state).action
+        action[row, offset : offset + len(decided)] = np.maximum(decided, 0)
+    episodes = evaluate(jax.random.key(0), TablePolicy(jnp.asarray(action)), world, tables, 50, 64)
+    for number in range(2):
+        measured = metrics(episodes, number)
+        assert (measured.success_rate, measured.path_length_error, measured.spl) == (1.0, 0.0, 1.0)
+    assert set(episodes.target[0].tolist()) == {0, 1}
+    assert set(episodes.target[1].tolist()) == {2}
+
+
+def test_turning_for_ever_fails_at_the_cap():
+    _, _, world, tables = scenes_and_targets()
+    turning = TablePolicy(jnp.ones((3, 72), jnp.int32))
+    episodes = evaluate(jax.random.key(0), turning, world, tables, 7, 200)
+    failed = ~episodes.success
+    assert failed.mean() > 0.7
+    assert (episodes.length[failed] == 7).all()
+    assert (episodes.length[~failed] <= 3).all()  # the target is at the start's own place
+
+
+def test_random_is_as_good_as_its_markov_chain():
+    """Success within the cap, averaged over starts, from powers of the uniform policy's transition matrix."""
+    scene = grid_scene(2, 2, features=np.zeros((16, 2), np.float32))
+    world, tables = build_world([scene], [0]), build_targets([scene], [Target(0, 6)])
+    following = np.asarray(world.successor)
+    chain = np.zeros((16, 16))
+    for action in range(4):
+        chain[np.arange(16), following[:, action]] += 0.25
+    chain[6] = np.eye(16)[6]
+    exact = np.linalg.matrix_power(chain, 12)[:, 6][np.arange(16) != 6].mean()
+    episodes = evaluate(jax.random.key(2), RandomPolicy(), world, tables, 12, 20_000)
+    assert metrics(episodes, 0).success_rate == pytest.approx(exact, abs=4 * np.sqrt(exact * (1 - exact) / 20_000))
