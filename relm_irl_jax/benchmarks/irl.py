@@ -1,0 +1,227 @@
+"""Maximum-margin problems a second: the fast path beside fresh cvxpy problems over w, and how it scales.
+
+Writes `irl.csv` and `irl.png`, and prints the table. Trajectories are random start and target pairs of an
+open square room with random features; experts are built outside the timed part, factorisation and process
+start inside it.
+"""
+
+import csv
+import os
+import platform
+import resource
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from rich.table import Table
+
+from relm_irl_jax.experts import shortest_path_expert, walk
+from relm_irl_jax.irl import MaxMarginProblem, MaxMarginSettings, Solution, reference_max_margin, solve_many
+from relm_irl_jax.irl.problem import Variant
+from relm_irl_jax.progress import console
+from relm_irl_jax.scenes.scene import Scene, pose_graph, shortest_path_distances, successors
+
+
+@dataclass(frozen=True)
+class Case:
+    """What is solved."""
+
+    variant: Variant
+    places: int
+    dimension: int
+    trajectories: int
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """One timed case."""
+
+    sweep: str
+    variant: str
+    states: int
+    dimension: int
+    trajectories: int
+    median_seconds: float
+    worst_seconds: float
+    processor_seconds: float
+    optimal: int
+    worst_gap: float
+    worst_residual: float
+    cvxpy_seconds_each: float
+    ratio: float
+
+
+HEADLINE = Case("lp", 100, 2048, 2000)
+"""The budget: at most 30 s on two cores."""
+
+
+def open_room(places: int) -> Scene:
+    """A square room without furniture.
+
+    Args:
+        places: number of places; 4 states each.
+
+    Returns:
+        The scene, without views.
+    """
+    side = int(np.ceil(np.sqrt(places)))
+    location, rotation, graph = pose_graph([divmod(number, side) for number in range(places)])
+    return Scene("open", "bedroom", location, rotation, graph, shortest_path_distances(graph))
+
+
+def random_problems(case: Case, seed: int) -> list[MaxMarginProblem]:
+    """Single-trajectory problems of one scene.
+
+    Args:
+        case: sizes.
+        seed: of features, starts and targets.
+
+    Returns:
+        The problems.
+    """
+    scene, generator = open_room(case.places), np.random.default_rng(seed)
+    features = generator.normal(size=(scene.n_states, case.dimension)).astype(np.float32)
+    following = successors(scene.graph)
+    problems = []
+    for _ in range(case.trajectories):
+        start, target = generator.choice(scene.n_states, 2, replace=False).tolist()
+        expert = shortest_path_expert(scene, target)
+        problems.append(MaxMarginProblem(features, following, expert, walk(scene, expert, start).states[:-1]))
+    return problems
+
+
+def measure(sweep: str, case: Case, repeats: int, references: int) -> Measurement:
+    """Time one case.
+
+    Args:
+        sweep: what the case belongs to.
+        case: the case.
+        repeats: timed runs.
+        references: problems that cvxpy solves too; their objectives must agree.
+
+    Returns:
+        The measurement.
+    """
+    problems = random_problems(case, seed=0)
+    settings = MaxMarginSettings(variant=case.variant, pure_share=False)
+    seconds, processor, solutions = [], [], ()
+    for _ in range(repeats):
+        begun, used = time.perf_counter(), _processor_seconds()
+        solutions = solve_many(problems, settings, description=f"{case.variant} {sweep}")
+        seconds.append(time.perf_counter() - begun)
+        processor.append(_processor_seconds() - used)
+    each = _reference_seconds(problems[:references], solutions, settings) if references else np.nan
+    return Measurement(
+        sweep=sweep,
+        variant=case.variant,
+        states=4 * case.places,
+        dimension=case.dimension,
+        trajectories=case.trajectories,
+        median_seconds=float(np.median(seconds)),
+        worst_seconds=max(seconds),
+        processor_seconds=float(np.median(processor)),
+        optimal=sum(solution.status == "optimal" for solution in solutions),
+        worst_gap=float(np.nanmax([solution.duality_gap for solution in solutions])),
+        worst_residual=float(np.nanmax([solution.primal_residual for solution in solutions])),
+        cvxpy_seconds_each=each,
+        ratio=each * case.trajectories / float(np.median(seconds)),
+    )
+
+
+def _processor_seconds() -> float:
+    """Processor time of this process and of those that it has waited for."""
+    usages = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return sum(usage.ru_utime + usage.ru_stime for usage in usages)
+
+
+def _reference_seconds(
+    problems: Sequence[MaxMarginProblem], solutions: Sequence[Solution], settings: MaxMarginSettings
+) -> float:
+    seconds = []
+    for problem, solution in zip(problems, solutions, strict=False):
+        begun = time.perf_counter()
+        reference = reference_max_margin(problem, settings)
+        seconds.append(time.perf_counter() - begun)
+        np.testing.assert_allclose(solution.objective, reference.objective, rtol=1e-6)
+    return float(np.median(seconds))
+
+
+def main(folder: Path = Path("runs/bench"), repeats: int = 3, references: int = 3) -> tuple[Measurement, ...]:
+    """Run the benchmark.
+
+    Args:
+        folder: where the table and the figure go.
+        repeats: timed runs of each case.
+        references: problems of the headline that cvxpy solves too.
+
+    Returns:
+        The measurements.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    rows = [measure("headline", HEADLINE, repeats, references)]
+    rows.append(measure("headline", replace(HEADLINE, variant="lp-l2", dimension=64), repeats, references))
+    for variant, dimension in (("lp", 2048), ("lp-l2", 64)):
+        base = Case(variant, 100, dimension, 200)
+        rows += [measure("states", replace(base, places=places), repeats, 0) for places in (25, 50, 100, 200)]
+        rows += [measure("trajectories", replace(base, trajectories=n), repeats, 0) for n in (50, 100, 400, 800)]
+    for dimension in (16, 32, 64, 128, 256, 512, 2048):
+        rows.append(measure("dimension", Case("lp-l2", 100, dimension, 100), repeats, 0))
+    with (folder / "irl.csv").open("w", newline="") as file:
+        writer = csv.DictWriter(file, list(asdict(rows[0])))
+        writer.writeheader()
+        writer.writerows(asdict(row) for row in rows)
+    _draw(rows, folder / "irl.png")
+    table = Table(title=f"Maximum-margin IRL, {os.cpu_count()} cores, {platform.processor() or platform.machine()}")
+    for heading in (
+        "sweep",
+        "variant",
+        "states",
+        "d",
+        "problems",
+        "s median",
+        "s worst",
+        "s processor",
+        "per s",
+        "gap",
+        "× cvxpy",
+    ):
+        table.add_column(heading, justify="left" if heading in ("sweep", "variant") else "right")
+    for row in rows:
+        table.add_row(
+            row.sweep,
+            row.variant,
+            f"{row.states}",
+            f"{row.dimension}",
+            f"{row.trajectories}",
+            f"{row.median_seconds:.2f}",
+            f"{row.worst_seconds:.2f}",
+            f"{row.processor_seconds:.2f}",
+            f"{row.trajectories / row.median_seconds:.0f}",
+            f"{row.worst_gap:.0e}",
+            "" if np.isnan(row.ratio) else f"{row.ratio:.0f}",
+        )
+    console.print(table)
+    return tuple(rows)
+
+
+def _draw(rows: Sequence[Measurement], path: Path) -> None:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(10, 3.2), layout="constrained")
+    for axes, sweep in zip(figure.subplots(1, 3), ("states", "dimension", "trajectories"), strict=True):
+        for variant in ("lp", "lp-l2"):
+            own = [row for row in rows if row.sweep == sweep and row.variant == variant]
+            if own:
+                label = variant if sweep == "dimension" else f"{variant}, d = {own[0].dimension}"
+                axes.loglog(
+                    [getattr(row, sweep) for row in own], [row.median_seconds for row in own], "o-", label=label
+                )
+        axes.set(xlabel=sweep, ylabel="seconds")
+        axes.legend(frameon=False)
+    figure.savefig(path, dpi=150)
+
+
+if __name__ == "__main__":
+    main()
