@@ -4,6 +4,7 @@ from relm_irl_jax.elm.hidden import HiddenLayer
 from relm_irl_jax.elm.mrsr import MRSRPath, mrsr, mrsr_path
 from relm_irl_jax.elm.press import PressPath, press_curve, press_path
 from relm_irl_jax.elm.regressor import Diagnostics, ELMRegressor
+from relm_irl_jax.elm.storage import load_elm, save_elm
 
 __all__ = [
     "Diagnostics",
@@ -11,8 +12,10 @@ __all__ = [
     "HiddenLayer",
     "MRSRPath",
     "PressPath",
+    "load_elm",
     "mrsr",
     "mrsr_path",
     "press_curve",
     "press_path",
+    "save_elm",
 ]

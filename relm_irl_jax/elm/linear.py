@@ -70,12 +70,45 @@ def finite_pair(
     return H, T
 
 
-def centred(matrix: Float[Array, "rows columns"]) -> Float[Array, "rows columns"]:
-    """Subtract each column's mean; columns that are constant up to rounding become exactly zero."""
-    mean = matrix.mean(axis=0)
-    rest = matrix - mean
-    rounding = 4 * jnp.finfo(matrix.dtype).eps * jnp.abs(matrix).max(axis=0)
-    return jnp.where(jnp.abs(rest).max(axis=0) <= rounding, 0, rest)
+def centred(matrix: Any) -> Any:
+    """Subtract each column's mean; columns that are constant up to rounding become exactly zero.
+
+    Args:
+        matrix: one row per sample, of NumPy or JAX.
+
+    Returns:
+        The same kind of array.
+    """
+    xp = matrix.__array_namespace__()
+    rest = matrix - matrix.mean(axis=0)
+    rounding = 4 * xp.finfo(matrix.dtype).eps * xp.abs(matrix).max(axis=0)
+    return xp.where(xp.abs(rest).max(axis=0) <= rounding, 0, rest)
+
+
+def standardised(matrix: Any) -> Any:
+    """Centre each column and divide it by its norm; constant columns become zero. As `centred` otherwise."""
+    xp = matrix.__array_namespace__()
+    rest = centred(matrix)
+    largest = xp.abs(rest).max(axis=0)
+    rest = rest / xp.where(largest > 0, largest, 1)
+    norm = xp.linalg.norm(rest, axis=0)
+    return rest / xp.where(norm > 0, norm, 1)
+
+
+def room(size: int) -> int:
+    """Size to pad to, so that problems of similar shape share one compiled function."""
+    if size <= 1:
+        return size
+    if size <= 64:
+        return max(8, 1 << (size - 1).bit_length())
+    step = 32 if size <= 256 else 16
+    return -(-size // step) * step
+
+
+def padded(matrix: Float64[np.ndarray, "rows columns"]) -> Float64[np.ndarray, "more_rows more_columns"]:
+    """Add zero rows and columns up to `room`."""
+    rows, columns = matrix.shape
+    return np.pad(matrix, ((0, room(rows) - rows), (0, room(columns) - columns)))
 
 
 def rank_tolerance(rows: int, columns: int) -> float:
@@ -84,7 +117,7 @@ def rank_tolerance(rows: int, columns: int) -> float:
 
 
 def orthonormal_prefixes(
-    matrix: Float[Array, "rows columns"], tolerance: float
+    matrix: Float[Array, "rows columns"], tolerance: Float[Array, ""] | float
 ) -> tuple[Float[Array, "rows columns"], Bool[Array, "columns"]]:
     """Orthonormal basis whose first k columns span the first k columns of the matrix, for every k.
 
@@ -101,8 +134,8 @@ def orthonormal_prefixes(
     columns = matrix.shape[1]
     width = min(PANEL, columns)
     panels = -(-columns // width)
-    padded = jnp.pad(matrix, ((0, 0), (0, panels * width - columns))).T  # one contiguous row per column
-    floor = tolerance * jnp.linalg.norm(padded, axis=1)
+    columns_as_rows = jnp.pad(matrix, ((0, 0), (0, panels * width - columns))).T  # one contiguous row per column
+    floor = tolerance * jnp.linalg.norm(columns_as_rows, axis=1)
 
     def orthogonalise(row, basis):
         for _ in range(2):
@@ -111,7 +144,7 @@ def orthonormal_prefixes(
 
     def panel(number, basis):
         start = number * width
-        block = orthogonalise_rows(lax.dynamic_slice_in_dim(padded, start, width), basis)
+        block = orthogonalise_rows(lax.dynamic_slice_in_dim(columns_as_rows, start, width), basis)
 
         def column(i, done):
             rest = orthogonalise(block[i], done)
@@ -127,5 +160,5 @@ def orthonormal_prefixes(
             block = block - (block @ basis.T) @ basis
         return block
 
-    basis = lax.fori_loop(0, panels, panel, jnp.zeros_like(padded))[:columns]
+    basis = lax.fori_loop(0, panels, panel, jnp.zeros_like(columns_as_rows))[:columns]
     return basis.T, jnp.any(basis != 0, axis=1)

@@ -30,14 +30,18 @@ from typing import Any, Literal, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy.linalg
 from jax import lax
 from jaxtyping import Array, Bool, Float, Float64, Int
 
-from relm_irl_jax.elm.linear import PANEL, centred, finite_pair, float64, rank_tolerance
+from relm_irl_jax.elm.linear import PANEL, finite_pair, float64, padded, rank_tolerance, standardised
 from relm_irl_jax.errors import InputError
 
 CANDIDATES = 16
 """Columns whose crossing is computed at once, those with the least lower bounds first."""
+
+REORTHOGONALISE = 0.05
+"""Share of a column's norm below which its remainder is projected once more against the whole basis."""
 
 NEWTON_STEPS = 100
 """Safety bound; Newton on a convex piecewise linear function ends by itself, usually in three to six steps."""
@@ -86,7 +90,7 @@ class MRSRSteps(NamedTuple):
 
 class _State(NamedTuple):
     W: Array  # [m, N] columns, as rows, less their part in the basis up to the current panel
-    V: Array  # [m, PANEL] products of the rows of W with the panel's basis vectors
+    V: Array  # [PANEL, m] products of the panel's basis vectors with the rows of W
     basis: Array  # [K + PANEL, N]
     A: Array  # [m, p] correlations with the residual T-Y
     E: Array  # [m, p] correlations with the least-squares residual T-Ȳ
@@ -102,24 +106,22 @@ class _State(NamedTuple):
     running: Array
 
 
-def standardised(matrix: Float[Array, "rows columns"]) -> Float[Array, "rows columns"]:
-    """Centre each column and divide it by its norm; constant columns become zero."""
-    rest = centred(matrix)
-    rest = rest / jnp.where(jnp.any(rest != 0, axis=0), jnp.abs(rest).max(axis=0), 1)
-    norm = jnp.linalg.norm(rest, axis=0)
-    return rest / jnp.where(norm > 0, norm, 1)
-
-
 def _crossing_1(A, E, c, open_):
     """First crossing for the 1-norm: s and its column; s is infinite where there is none."""
     size, slope = jnp.abs(A).sum(axis=1), jnp.abs(E).sum(axis=1)
-    lower = jnp.where(open_ & (slope > 0), jnp.maximum(c - size, 0) / jnp.where(slope > 0, slope, 1), jnp.inf)
-    count = min(CANDIDATES, len(lower))
+    grows = slope > 0
+    lower = jnp.where(open_ & grows, jnp.maximum(c - size, 0) / jnp.where(grows, slope, 1), jnp.inf)
+    groups = min(CANDIDATES, len(lower))
+    per_group = -(-len(lower) // groups)
+    lower = jnp.pad(lower, (0, groups * per_group - len(lower)), constant_values=jnp.inf)
 
     def examine(state):
+        """Find the crossings of the columns with the least bound in each group."""
         lower, best, winner = state
-        bound, rows = lax.top_k(-lower, count)
-        a, e = A[rows], E[rows]
+        rows = jnp.arange(groups) * per_group + jnp.argmin(lower.reshape(groups, per_group), axis=1)
+        waits = lower[rows] < best
+        row = jnp.minimum(rows, len(A) - 1)
+        a, e = A[row], E[row]
 
         def newton(state):
             s, _, step = state
@@ -129,15 +131,15 @@ def _crossing_1(A, E, c, open_):
             new = jnp.clip(s - (value - c) / jnp.where(rise > 0, rise, jnp.inf), 0, s)
             return new, jnp.any(new < s * (1 - 1e-15)), step + 1
 
-        start = jnp.where(jnp.isinf(bound), 0, (c + size[rows]) / jnp.where(slope[rows] > 0, slope[rows], 1))
+        start = jnp.where(waits, (c + size[row]) / jnp.where(waits, slope[row], 1), 0)
         s, _, _ = lax.while_loop(lambda state: state[1] & (state[2] < NEWTON_STEPS), newton, (start, True, 0))
-        s = jnp.where(jnp.isinf(bound), jnp.inf, s)
+        s = jnp.where(waits, s, jnp.inf)
         first = jnp.argmin(s)
         better = s[first] < best
         return (
             lower.at[rows].set(jnp.inf),
             jnp.where(better, s[first], best),
-            jnp.where(better, rows[first], winner),
+            jnp.where(better, row[first], winner).astype(jnp.int32),
         )
 
     _, best, winner = lax.while_loop(
@@ -172,14 +174,14 @@ def mrsr_steps(
     Returns:
         The path, with fixed shapes.
     """
-    samples, neurons = H.shape
-    tolerance = rank_tolerance(samples, neurons)
-    tiny = jnp.finfo(H.dtype).tiny
+    return _steps(standardised(H), standardised(T), rank_tolerance(*H.shape), norm)
+
+
+def _steps(X, T, tolerance, norm) -> MRSRSteps:
+    """`mrsr_steps` of standardised data; zero rows and columns may pad them."""
+    samples, neurons = X.shape
+    tiny = jnp.finfo(X.dtype).tiny
     K = min(samples, neurons)
-    X, T = standardised(H), standardised(T)
-    if norm == 2 and T.shape[1] > 1:
-        left, values, _ = jnp.linalg.svd(T, full_matrices=False)
-        T = left * jnp.where(values > tolerance * values[0], values, 0)
     crossing, size = (
         (_crossing_1, lambda a: jnp.abs(a).sum(axis=-1))
         if norm == 1
@@ -196,14 +198,21 @@ def mrsr_steps(
         """Enter the column that is due, or mark it dependent, and move to the next crossing."""
         j, k, i = state.following, state.entered, state.in_panel
         panel = lax.dynamic_slice_in_dim(state.basis, k - i, PANEL)
-        x = state.W[j] - state.V[j] @ panel
-        for _ in range(2):
-            x = x - (state.basis @ x) @ state.basis
+        x = state.W[j] - state.V[:, j] @ panel
+        # A unit column of which little is left carries the rounding of all that was subtracted.
+        x = lax.cond(
+            jnp.linalg.norm(x) < REORTHOGONALISE,
+            lambda x, basis: x - (basis @ x) @ basis,
+            lambda x, basis: x,
+            x,
+            state.basis,
+        )
         length = jnp.linalg.norm(x)
         fits = length > tolerance
         q = jnp.where(fits, x / jnp.where(fits, length, 1), 0)
         v = jnp.where(state.open, state.W @ q, 0)
-        E = state.E - v[:, None] * (q @ T)
+        # Written out once: fused into each of the sums over it, the update would be computed again in all of them.
+        E = lax.optimization_barrier(state.E - v[:, None] * (q @ T))
         open_ = state.open.at[j].set(False)
         s, following = crossing(state.A, E, state.c, open_)
         ends = ~jnp.isfinite(s)
@@ -213,7 +222,7 @@ def mrsr_steps(
         new = lax.convert_element_type(fits, state.entered.dtype)
         last = jnp.maximum(k - 1 + new, 0)
         return state._replace(
-            V=state.V.at[:, i].set(jnp.where(fits, v, state.V[:, i])),
+            V=state.V.at[i].set(v),
             basis=state.basis.at[k].set(q),
             A=A,
             E=E,
@@ -227,13 +236,13 @@ def mrsr_steps(
             correlation=state.correlation.at[k].set(jnp.where(fits, state.c, 0)),
             entered=k + new,
             in_panel=i + new,
-            running=~ends & (c > tolerance * c0 * 1e-3) & (k + new < K),
+            running=~ends & (c > tolerance * c0) & (k + new < K),
         )
 
     def panel(state: _State) -> _State:
         state = lax.while_loop(lambda s: s.running & (s.in_panel < PANEL), enter, state)
         rows = lax.dynamic_slice_in_dim(state.basis, state.entered - state.in_panel, PANEL)
-        W = state.W - state.V @ rows
+        W = state.W - state.V.T @ rows
         left = jnp.linalg.norm(W, axis=1) > tolerance
         return state._replace(
             W=W,
@@ -246,7 +255,7 @@ def mrsr_steps(
     zero = jnp.zeros((), jnp.int32)
     state = _State(
         W=X.T,
-        V=jnp.zeros((neurons, PANEL), X.dtype),
+        V=jnp.zeros((PANEL, neurons), X.dtype),
         basis=jnp.zeros((K + PANEL, samples), X.dtype),
         A=A,
         E=A,
@@ -274,7 +283,7 @@ def mrsr_steps(
     )
 
 
-_mrsr_steps = jax.jit(mrsr_steps, static_argnames="norm")
+_steps_jit = jax.jit(_steps, static_argnames="norm")
 
 
 def mrsr_path(H: Any, T: Any, norm: int = 1) -> MRSRPath:
@@ -295,23 +304,40 @@ def mrsr_path(H: Any, T: Any, norm: int = 1) -> MRSRPath:
     return path
 
 
-def path_and_basis(H: Any, T: Any, norm: int) -> tuple[MRSRPath, Float[Array, "K samples"]]:
+def path_and_basis(H: Any, T: Any, norm: int) -> tuple[MRSRPath, Float[Array, "entered samples"]]:
     """`mrsr_path` and the orthonormal basis of the centred columns in its order, for who goes on with it."""
     H, T = finite_pair(H, T)
     if norm not in (1, 2):
         raise InputError(f"norm must be 1 or 2, not {norm!r}.")
+    samples, neurons = H.shape
+    X, T = standardised(H), standardised(T)
+    if norm == 2:
+        T = _rotated(T)
     with float64():
-        steps = _mrsr_steps(H, T, norm=norm)
+        steps = _steps_jit(padded(X), padded(T), rank_tolerance(samples, neurons), norm=norm)
     entered = int(steps.entered)
+    order = np.asarray(steps.order)
     path = MRSRPath(
-        order=np.asarray(steps.order).astype(np.int64),
+        order=order[order < neurons].astype(np.int64),
         entered=entered,
-        dependent=np.flatnonzero(steps.dependent),
+        dependent=np.flatnonzero(np.asarray(steps.dependent)[:neurons]),
         step=np.asarray(steps.step[:entered]),
         correlation=np.asarray(steps.correlation[:entered]),
         norm=norm,
     )
-    return path, steps.basis
+    return path, steps.basis[:entered, :samples]
+
+
+def _rotated(T: Float64[np.ndarray, "samples outputs"]) -> Float64[np.ndarray, "samples rank"]:
+    """Rotate the outputs so that as few columns as T has rank hold all of it; their products stay as they are."""
+    if T.shape[1] == 1:
+        return T
+    triangle, columns = scipy.linalg.qr(T.T, mode="r", pivoting=True, check_finite=False)
+    sizes = np.abs(np.diagonal(np.asarray(triangle)))
+    rank = max(1, int(np.sum(sizes > rank_tolerance(*T.shape) * sizes[0])))
+    rotated = np.empty((len(T), rank))
+    rotated[np.asarray(columns)] = np.asarray(triangle)[:rank].T
+    return rotated
 
 
 def mrsr(H: Any, T: Any, norm: int = 1) -> Int[np.ndarray, "neurons"]:

@@ -28,11 +28,14 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Bool, Float, Float64, Int
 
-from relm_irl_jax.elm.linear import centred, finite_pair, float64, orthonormal_prefixes, rank_tolerance
+from relm_irl_jax.elm.linear import centred, finite_pair, float64, orthonormal_prefixes, padded, rank_tolerance
 from relm_irl_jax.errors import InputError
 
 LEVERAGE_CAP = 1 - 1e-9
 """Leverage from which a sample keeps its last error: beyond it the quotient is rounding over rounding."""
+
+TILE = 32
+"""Samples whose residuals are followed through all prefixes at once."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +65,7 @@ class PressPath:
 
 
 class PressErrors(NamedTuple):
-    """Traced counterpart of `PressPath`."""
+    """Traced counterpart of `PressPath`, its errors summed over the outputs."""
 
     curve: Float[Array, "neurons"]
     empty: Float[Array, ""]
@@ -75,6 +78,7 @@ def basis_errors(
     *,
     intercept: bool,
     saturates: bool,
+    count: Int[Array, ""] | int | None = None,
 ) -> PressErrors:
     """Leave-one-out errors from a basis that is already there.
 
@@ -83,32 +87,47 @@ def basis_errors(
         T: targets, centred if there is an intercept.
         intercept: whether the model fits one.
         saturates: whether a prefix of full row rank fits the targets exactly, which is so without ridge.
+        count: number of samples where zero rows pad them.
 
     Returns:
-        Errors of every prefix.
+        Errors of every prefix, summed over outputs and averaged over samples.
     """
-    samples, outputs = T.shape
+    rows = len(Q)
+    count = rows if count is None else count
+    base = (1 / count if intercept else 0.0) * jnp.ones((), Q.dtype)
     C = Q.T @ T
-    base = 1 / samples if intercept else 0.0
+    changed = jnp.any(Q != 0, axis=0)
 
-    def column(state, inputs):
-        residual, leverage, loss, rank = state
-        q, c = inputs
-        changed = jnp.any(q != 0)
-        leverage = leverage + q**2
-        rank = rank + changed
-        residual = residual - q[:, None] * c
-        free = leverage < LEVERAGE_CAP
-        new = jnp.sum(residual**2, axis=1) / jnp.where(free, 1 - leverage, 1) ** 2
-        loss = jnp.where(free & changed, new, loss)
-        error = jnp.sum(loss) / (samples * outputs)
-        full = saturates & (rank >= samples - intercept)
-        return (residual, leverage, loss, rank), (jnp.where(full, jnp.inf, error), jnp.sum(~free))
+    def tile(inputs):
+        """All prefixes for a few samples, whose residuals stay in the processor's cache."""
+        t, q = inputs
 
-    first = jnp.sum(T**2, axis=1) / (1 - base if samples > 1 else 1.0) ** 2
-    start = (T, jnp.full(samples, base, T.dtype), first, jnp.zeros((), int))
-    _, (curve, capped) = lax.scan(column, start, (Q.T, C))
-    return PressErrors(curve, first.mean() / outputs, capped)
+        def column(state, inputs):
+            residual, leverage, loss = state
+            q, c, changed = inputs
+            leverage = leverage + q**2
+            residual = residual - q[:, None] * c
+            free = leverage < LEVERAGE_CAP
+            new = jnp.sum(residual**2, axis=1) / jnp.where(free, 1 - leverage, 1) ** 2
+            loss = jnp.where(free & changed, new, loss)
+            return (residual, leverage, loss), (loss.sum(), jnp.sum(~free))
+
+        first = jnp.sum(t**2, axis=1) / jnp.where(base < 1, 1 - base, 1) ** 2
+        _, sums = lax.scan(column, (t, jnp.full(len(t), base), first), (q.T, C, changed))
+        return first.sum(), sums
+
+    tiles = -(-rows // TILE)
+    extra = tiles * TILE - rows
+    first, (losses, capped) = lax.map(
+        tile,
+        (
+            jnp.pad(T, ((0, extra), (0, 0))).reshape(tiles, TILE, -1),
+            jnp.pad(Q, ((0, extra), (0, 0))).reshape(tiles, TILE, -1),
+        ),
+    )
+    full = saturates & (jnp.cumsum(changed) >= count - intercept)
+    curve = jnp.where(full, jnp.inf, losses.sum(axis=0) / count)
+    return PressErrors(curve, first.sum() / count, capped.sum(axis=0))
 
 
 def press_errors(
@@ -129,19 +148,24 @@ def press_errors(
         penalised: False leaves the penalty out altogether; `ridge` must then be zero.
 
     Returns:
-        Errors, and which columns are independent.
+        Errors, summed over outputs and averaged over samples, and which columns are independent.
     """
-    samples, neurons = H.shape
     if intercept:
         H, T = centred(H), centred(T)
+    return _errors(H, T, ridge, rank_tolerance(*H.shape), len(H), intercept=intercept, penalised=penalised)
+
+
+def _errors(H, T, ridge, tolerance, count, *, intercept, penalised):
+    """`press_errors` of data that are centred if there is an intercept; zero rows and columns may pad them."""
     stacked = H
     if penalised:
-        stacked = jnp.concatenate([H, jnp.sqrt(ridge) * jnp.eye(neurons, dtype=H.dtype)])
-    Q, independent = orthonormal_prefixes(stacked, rank_tolerance(*H.shape))
-    return basis_errors(Q[:samples], T, intercept=intercept, saturates=not penalised), independent
+        stacked = jnp.concatenate([H, jnp.sqrt(ridge) * jnp.eye(H.shape[1], dtype=H.dtype)])
+    Q, independent = orthonormal_prefixes(stacked, tolerance)
+    errors = basis_errors(Q[: len(H)], T, intercept=intercept, saturates=not penalised, count=count)
+    return errors, independent
 
 
-_press_errors = jax.jit(press_errors, static_argnames=("intercept", "penalised"))
+_errors_jit = jax.jit(_errors, static_argnames=("intercept", "penalised"))
 
 
 def press_path(H: Any, T: Any, ridge: float = 0.0, *, intercept: bool = False) -> PressPath:
@@ -162,21 +186,19 @@ def press_path(H: Any, T: Any, ridge: float = 0.0, *, intercept: bool = False) -
     H, T = finite_pair(H, T)
     if not (np.isfinite(ridge) and ridge >= 0):
         raise InputError(f"ridge must be a finite number of at least 0, not {ridge}.")
+    if intercept:
+        H, T = centred(H), centred(T)
     with float64():
-        errors, independent = _press_errors(H, T, float(ridge), intercept=intercept, penalised=ridge > 0)
-    return path_of(errors, np.asarray(independent), ridge)
-
-
-def path_of(errors: PressErrors, independent: Bool[np.ndarray, "neurons"], ridge: float) -> PressPath:
-    """Bring traced errors to the host."""
-    return PressPath(
-        curve=np.asarray(errors.curve),
-        empty=float(errors.empty),
-        rank=int(independent.sum()),
-        dropped=np.flatnonzero(~independent),
-        capped=np.asarray(errors.capped),
-        ridge=float(ridge),
-    )
+        errors, independent = _errors_jit(
+            padded(H),
+            padded(T),
+            float(ridge),
+            rank_tolerance(*H.shape),
+            len(H),
+            intercept=intercept,
+            penalised=ridge > 0,
+        )
+    return _path_of(errors, np.asarray(independent)[: H.shape[1]], ridge, T.shape[1])
 
 
 def basis_path(
@@ -192,15 +214,27 @@ def basis_path(
     Returns:
         The curve and what had to be handled.
     """
-    entered = len(basis)
+    Q = np.zeros((len(T), neurons))
+    Q[:, : len(basis)] = np.asarray(basis).T
     with float64():
-        errors = _basis_errors(jnp.pad(basis, ((0, neurons - entered), (0, 0))).T, T)
-    return path_of(errors, np.arange(neurons) < entered, 0.0)
+        errors = _basis_errors_jit(padded(Q), padded(centred(T)), intercept=True, saturates=True, count=len(T))
+    return _path_of(errors, np.arange(neurons) < len(basis), 0.0, T.shape[1])
 
 
-@jax.jit
-def _basis_errors(Q, T):
-    return basis_errors(Q, centred(T), intercept=True, saturates=True)
+_basis_errors_jit = jax.jit(basis_errors, static_argnames=("intercept", "saturates"))
+
+
+def _path_of(errors, independent, ridge, outputs) -> PressPath:
+    """Bring traced errors to the host, as means over the outputs too."""
+    neurons = len(independent)
+    return PressPath(
+        curve=np.asarray(errors.curve)[:neurons] / outputs,
+        empty=float(errors.empty) / outputs,
+        rank=int(independent.sum()),
+        dropped=np.flatnonzero(~independent),
+        capped=np.asarray(errors.capped)[:neurons],
+        ridge=float(ridge),
+    )
 
 
 def press_curve(H: Any, T: Any, ridge: float = 0.0, *, intercept: bool = False) -> Float64[np.ndarray, "neurons"]:

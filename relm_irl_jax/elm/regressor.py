@@ -8,7 +8,7 @@ out; the standardisation of inputs and the random weights are fixed beforehand.
 
 from dataclasses import dataclass
 from numbers import Integral, Real
-from typing import Literal
+from typing import Any, Literal
 
 import jax
 import jax.numpy as jnp
@@ -17,13 +17,13 @@ import scipy.linalg
 from jaxtyping import Array, Float, Float64, Int
 from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin
 from sklearn.utils import check_random_state
-from sklearn.utils._param_validation import Interval, StrOptions
-from sklearn.utils.validation import check_is_fitted, validate_data
+from sklearn.utils.validation import check_is_fitted, validate_data  # pyrefly: ignore[missing-module-attribute]
 
 from relm_irl_jax.elm.hidden import ACTIVATIONS, Activation, draw_hidden
 from relm_irl_jax.elm.linear import centred, float64, rank_tolerance
 from relm_irl_jax.elm.mrsr import MRSRPath, path_and_basis
 from relm_irl_jax.elm.press import PressPath, basis_path, press_path
+from relm_irl_jax.errors import InputError
 
 RIDGE_GRID = (0.0, *(10.0**exponent for exponent in range(-8, 2)))
 """Penalties tried for `ridge="press"`, as shares of the mean squared norm of the centred neurons."""
@@ -78,7 +78,7 @@ def output_weights(
     H_mean, T_mean = H.mean(axis=0), T.mean(axis=0)
     with float64():
         Hc, Tc = centred(jnp.asarray(H)), jnp.asarray(T - T_mean)
-        sound = False
+        beta, sound = None, False
         if H.shape[1] and (ridge > 0 or H.shape[1] < len(H)):
             beta, sound = _solve_jit(Hc, Tc, ridge)
     if not sound:
@@ -113,18 +113,6 @@ class ELMRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         diagnostics_: what the fit met and handled.
     """
 
-    _parameter_constraints = {  # noqa: RUF012 - the name and form that scikit-learn reads
-        "n_hidden": [Interval(Integral, 1, None, closed="left")],
-        "activation": [StrOptions(set(ACTIVATIONS))],
-        "ordering": [StrOptions({"mrsr", "none"})],
-        "norm": [Interval(Integral, 1, 2, closed="both")],
-        "selection": [StrOptions({"press", "none"}), Interval(Integral, 1, None, closed="left")],
-        "ridge": [StrOptions({"press"}), Interval(Real, 0, None, closed="left")],
-        "random_state": ["random_state"],
-        "gain": [Interval(Real, 0, None, closed="neither")],
-        "pass_through": ["boolean"],
-    }
-
     def __init__(
         self,
         n_hidden: int = 200,
@@ -147,7 +135,32 @@ class ELMRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self.gain = gain
         self.pass_through = pass_through
 
-    def fit(self, X, y) -> "ELMRegressor":
+    def _check_parameters(self) -> None:
+        """Refuse parameters that mean nothing, in one sentence that names them."""
+
+        def whole(value: Any) -> bool:
+            return isinstance(value, Integral) and not isinstance(value, bool) and int(value) >= 1
+
+        def number(value: Any) -> bool:
+            return isinstance(value, Real) and not isinstance(value, bool) and np.isfinite(float(value))
+
+        allowed = {
+            "n_hidden": (whole(self.n_hidden), "a whole number of at least 1"),
+            "activation": (self.activation in ACTIVATIONS, "one of " + ", ".join(ACTIVATIONS)),
+            "ordering": (self.ordering in ("mrsr", "none"), "mrsr or none"),
+            "norm": (self.norm in (1, 2), "1 or 2"),
+            "selection": (
+                self.selection in ("press", "none") or whole(self.selection),
+                "press, none or a whole number of at least 1",
+            ),
+            "ridge": (self.ridge == "press" or (number(self.ridge) and self.ridge >= 0), "press or a number ≥ 0"),
+            "gain": (number(self.gain) and self.gain > 0, "a number > 0"),
+        }
+        for name, (valid, what) in allowed.items():
+            if not valid:
+                raise InputError(f"{name} must be {what}, not {getattr(self, name)!r}.")
+
+    def fit(self, X: Any, y: Any) -> "ELMRegressor":
         """Draw the hidden layer, order and select neurons, and solve for the output weights.
 
         Args:
@@ -157,7 +170,7 @@ class ELMRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         Returns:
             Itself.
         """
-        self._validate_params()
+        self._check_parameters()
         X, y = validate_data(self, X, y, multi_output=True, y_numeric=True, dtype=np.float64, ensure_min_samples=2)
         T = np.asarray(y, np.float64)
         self._single_output = T.ndim == 1
@@ -181,7 +194,7 @@ class ELMRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self.hidden_ = layer.take(kept)
         self.coef_, self.intercept_ = output_weights(H[:, kept], T, self.ridge_)
         self.diagnostics_ = Diagnostics(
-            rank=None if path is None and press is None else path.entered if path else press.rank,
+            rank=path.entered if path else press.rank if press else None,
             dropped=path.dependent if path else press.dropped if press else None,
             capped=None if press is None else int(press.capped[self.n_selected_ - 1]),
             press_empty=None if press is None else press.empty,
@@ -189,7 +202,7 @@ class ELMRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         )
         return self
 
-    def predict(self, X) -> Float64[np.ndarray, "..."]:
+    def predict(self, X: Any) -> Float64[np.ndarray, "..."]:
         """Outputs for inputs X, one row per sample; a vector if fitted on one."""
         check_is_fitted(self)
         X = validate_data(self, X, reset=False, dtype=np.float64)
