@@ -1,29 +1,68 @@
 """The command `relm-irl`."""
 
 import sys
+from importlib import import_module
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import tyro
-from pydantic import ValidationError
+from pydantic import NonNegativeInt, PositiveInt, ValidationError
 from pydantic.dataclasses import dataclass
 from rich.console import Console
 
 from relm_irl_jax.config import Config, Task, first_fault, load_config
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.pipeline import evaluate_run, run
+from relm_irl_jax.report.page import write_report
 from relm_irl_jax.report.tables import console_table
-from relm_irl_jax.runs import find_run, open_run
+from relm_irl_jax.runs import find_run, open_run, read_results
+from relm_irl_jax.scenes.dump import save_scene
+from relm_irl_jax.scenes.rooms import generate_room
+from relm_irl_jax.scenes.scene import ROOM_TYPES
 
 
 @dataclass(frozen=True)
 class Evaluate:
-    """Evaluate the agents of a finished run on a task."""
+    """Evaluate the agents of a run on a task."""
 
     run: tyro.conf.Positional[Path]
     """Run folder."""
     task: Task = "II"
     """Task to evaluate."""
+
+
+@dataclass(frozen=True)
+class Report:
+    """Write the report of a run again."""
+
+    run: tyro.conf.Positional[Path]
+    """Run folder."""
+
+
+@dataclass(frozen=True)
+class Scenes:
+    """Generate built-in rooms as scene files in the THOR v1 format."""
+
+    out: Path
+    """Folder for the files."""
+    room_types: tuple[Literal["bathroom", "bedroom", "living_room"], ...] = ROOM_TYPES
+    """Room types."""
+    count: PositiveInt = 1
+    """Rooms of each type."""
+    first: NonNegativeInt = 0
+    """Number of the first room of each type."""
+    size: Literal["full", "tiny"] = "full"
+    """The original scenes' state counts, or a dozen places."""
+    image_size: PositiveInt = 224
+    """Rows and columns of a view."""
+
+
+@dataclass(frozen=True)
+class Bench:
+    """Measure speed on this machine; tables, figures and numbers are kept under `runs/bench`."""
+
+    name: tyro.conf.Positional[Literal["elm", "irl", "encoder"]]
+    """What to measure."""
 
 
 def main() -> None:
@@ -48,15 +87,39 @@ def _dispatch(arguments: list[str]) -> None:
 
     @app.command
     def train(config: Annotated[Config, tyro.conf.arg(name="")] = default) -> None:
-        """Train and evaluate; `--config FILE` sets other defaults, and a finished stage is never run twice."""
+        """Train agents and evaluate them on a task.
+
+        `--config FILE` reads other defaults from a TOML file. What the run folder already holds is not trained again.
+        """
         results = run(config)
         _show(results, open_run(config).path)
 
     @app.command
     def evaluate(command: Annotated[Evaluate, tyro.conf.arg(name="")]) -> None:
-        """Evaluate the agents of a finished run on a task."""
+        """Evaluate the agents of a run on a task."""
         folder, config = find_run(command.run)
         _show(evaluate_run(config, folder, command.task), folder.path)
+
+    @app.command
+    def report(command: Annotated[Report, tyro.conf.arg(name="")]) -> None:
+        """Write the report of a run again."""
+        folder, config = find_run(command.run)
+        results = read_results(folder)
+        write_report(folder, config, results)
+        _show(results, folder.path)
+
+    @app.command
+    def scenes(command: Annotated[Scenes, tyro.conf.arg(name="")]) -> None:
+        """Generate built-in rooms as scene files in the THOR v1 format."""
+        for room_type in command.room_types:
+            for number in range(command.first, command.first + command.count):
+                scene = generate_room(room_type, number, size=command.size, image_size=command.image_size)
+                save_scene(scene, command.out / f"{scene.name}.h5")
+
+    @app.command
+    def bench(command: Annotated[Bench, tyro.conf.arg(name="")]) -> None:
+        """Measure speed on this machine."""
+        import_module(f"relm_irl_jax.benchmarks.{command.name}").main()
 
     app.cli(args=arguments, prog="relm-irl", description="Target-driven visual navigation with learned rewards.")
 
@@ -74,4 +137,4 @@ def _default_config(arguments: list[str]) -> tuple[Config, list[str]]:
 def _show(results: dict, folder: Path) -> None:
     console = Console()
     console.print(console_table(results))
-    console.print(f"Report: {folder / 'report.md'}", highlight=False)
+    console.print(f"Report: {folder / 'report.md'}", highlight=False, soft_wrap=True)

@@ -110,6 +110,25 @@ def find_run(path: Path) -> tuple[RunFolder, Config]:
     return RunFolder(path), load_config(path / CONFIG_FILE)
 
 
+def read_results(folder: RunFolder) -> dict[str, Any]:
+    """Read the metrics of the task evaluated last.
+
+    Args:
+        folder: the run folder.
+
+    Returns:
+        Contents of `results.json`.
+
+    Raises:
+        InputError: nothing was evaluated yet, or the file is damaged.
+    """
+    path = folder.path / "results.json"
+    try:
+        return json.loads(path.read_text())
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: cannot be read ({error}); run `relm-irl evaluate {folder.path}`.") from error
+
+
 def write_bytes(path: Path, content: bytes) -> None:
     """Write a file that appears whole or not at all.
 

@@ -1,0 +1,94 @@
+"""The whole pipeline through the command line, on tiny rooms: what a user runs, what it leaves, what it refuses."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from relm_irl_jax.runs import load_parameters, read_table
+
+EXPERIMENT = Path(__file__).parents[1] / "experiments" / "smoke.toml"
+QUICK = ("--frames", "6000", "--evaluation.episodes", "50", "--elm.hidden", "40")
+
+
+def relm_irl(*arguments: str, cwd: Path) -> subprocess.CompletedProcess:
+    command = [sys.executable, "-W", "error::DeprecationWarning:relm_irl_jax", "-m", "relm_irl_jax", *arguments]
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=280, check=False)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("work")
+
+
+@pytest.fixture(scope="module")
+def first(folder):
+    done = relm_irl("train", "--config", str(EXPERIMENT), "--run", "one", *QUICK, cwd=folder)
+    assert done.returncode == 0, done.stderr
+    assert "Warning" not in done.stderr
+    return done
+
+
+def test_the_run_leaves_what_it_promises(first, folder):
+    results = json.loads((folder / "one" / "results.json").read_text())
+    assert set(results) == {"task", "cap", "encoder", "rows"}
+    assert (results["task"], results["cap"]) == ("II", 100)
+    assert len(results["rows"]) == 5 * 6
+    for row in results["rows"]:
+        assert set(row) == {"method", "scene", "room_type", "seed", "episodes", "sr", "ple", "spl"}
+        assert 0 <= row["spl"] <= row["sr"] <= 1
+        assert row["episodes"] == 50
+    for method in ("rl", "irl", "elm-irl", "relm-irl"):
+        assert load_parameters(folder / "one" / "agents" / f"{method}-seed-0.safetensors")
+        assert float(read_table(folder / "one" / "curves" / f"{method}-seed-0.csv")["frames"][-1]) >= 6000
+    for name in ("config.json", "machine.json", "report.md", "figures/learning.png", "figures/press.png"):
+        assert (folder / "one" / name).stat().st_size > 0
+    assert sorted((folder / "one" / "figures").glob("reward-*.png"))
+    assert "RELM-IRL" in first.stdout
+    quality = read_table(folder / "one" / "rewards" / "seed-0" / "quality.csv")
+    assert {"irl", "elm-irl", "relm-irl"} == set(quality["method"])
+
+
+def test_the_same_seed_gives_the_same_results(first, folder):
+    done = relm_irl("train", "--config", str(EXPERIMENT), "--run", "two", *QUICK, cwd=folder)
+    assert done.returncode == 0, done.stderr
+    assert (folder / "one" / "results.json").read_bytes() == (folder / "two" / "results.json").read_bytes()
+
+
+def test_a_finished_run_is_evaluated_without_training(first, folder):
+    weights = folder / "one" / "agents" / "rl-seed-0.safetensors"
+    before = weights.stat().st_mtime_ns
+    done = relm_irl("evaluate", "one", "--task", "III", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    results = json.loads((folder / "one" / "results-III.json").read_text())
+    trained = {row["scene"] for row in json.loads((folder / "one" / "results-II.json").read_text())["rows"]}
+    unseen = {row["scene"] for row in results["rows"]}
+    assert len(unseen) == 9
+    assert not unseen & trained
+    assert weights.stat().st_mtime_ns == before
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (("train", "--task", "IV"), "invalid choice 'IV'"),
+        (("train", "--methods", "magic"), "invalid choice 'magic'"),
+        (("train", "--frames", "0"), "frames = 0 is refused"),
+        (("train", "--scenes", "nowhere"), "nowhere is no folder"),
+        (("train", "--scenes", "empty"), "holds no file ending in .h5"),
+        (("train", "--scenes", "malformed"), "scene.h5: cannot be read as HDF5"),
+        (("train", "--run", "one"), "one holds agents trained with"),
+        (("evaluate", "empty"), "holds no config.json"),
+        (("train", "--config", "absent.toml"), "absent.toml: cannot be read"),
+    ],
+)
+def test_bad_input_is_one_sentence_and_exit_code_2(first, folder, arguments, sentence):
+    (folder / "empty").mkdir(exist_ok=True)
+    (folder / "malformed").mkdir(exist_ok=True)
+    (folder / "malformed" / "scene.h5").write_bytes(b"not HDF5")
+    done = relm_irl(*arguments, cwd=folder)
+    assert done.returncode == 2
+    assert sentence in " ".join(done.stderr.replace("│", " ").split())
+    assert "Traceback" not in done.stderr
