@@ -180,7 +180,7 @@ def washstand(rng: np.random.Generator) -> Item:
     cupboard = Look(_vary(rng, (0.3, 0.45, 0.62)), (0.16, 0.25, 0.38), Pattern.PANELS, 0.4)
     parts = [
         Part("washstand", (0.0, width), (0.08, 0.78), (0.0, 0.45), cupboard),
-        Part("washstand", (-0.0, width), (0.78, 0.9), (0.0, 0.5), Look(WHITE)),
+        Part("washstand", (0.0, width), (0.78, 0.9), (0.0, 0.5), Look(WHITE)),
         Part("washstand", (0.12, width - 0.12), (0.9, 0.905), (0.12, 0.42), Look((0.6, 0.68, 0.72))),
         Part("washstand", (width / 2 - 0.025, width / 2 + 0.025), (0.9, 1.06), (0.04, 0.2), Look(STEEL)),
     ]
@@ -308,7 +308,7 @@ def single_bed(rng: np.random.Generator) -> Item:
 def wardrobe(rng: np.random.Generator) -> Item:
     """A tall dark wardrobe with light outlines."""
     width = _size(rng, 1.4)
-    look = Look(_vary(rng, (0.42, 0.24, 0.16)), (0.85, 0.65, 0.4), Pattern.PANELS, 0.7)
+    look = Look(_vary(rng, (0.42, 0.24, 0.16)), (0.85, 0.65, 0.4), Pattern.PANELS, 0.42)
     return _item([Part("wardrobe", (0.0, width), (0.0, _size(rng, 2.0)), (0.0, 0.58), look)])
 
 

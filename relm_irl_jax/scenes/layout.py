@@ -191,7 +191,7 @@ _TINY = {
 _REQUESTS = {"full": _FULL, "tiny": _TINY}
 
 _GRID = {
-    "full": {"bathroom": ((6, 8), (7, 9)), "bedroom": ((9, 12), (10, 13)), "living_room": ((12, 16), (13, 17))},
+    "full": {"bathroom": ((5, 7), (7, 9)), "bedroom": ((9, 12), (10, 13)), "living_room": ((12, 16), (13, 17))},
     "tiny": {"bathroom": ((4, 5), (5, 6)), "bedroom": ((5, 6), (5, 6)), "living_room": ((5, 6), (5, 6))},
 }
 """Range of columns and rows of the grid, both ends included."""
@@ -353,12 +353,16 @@ def _stand(
 def _furnish(
     requests: Sequence[Request],
     walls: Sequence[Wall],
-    taken: list[_Span],
+    solid: Sequence[_Span],
     outline: _Footprint,
     rng: np.random.Generator,
 ) -> list[Box] | None:
-    """Boxes of the furniture, or None where a required object found no room."""
-    boxes = []
+    """Boxes of the furniture, or None where a required object found no room.
+
+    Objects keep clear of what is solid and of each other; a rug may lie under furniture.
+    """
+    boxes: list[Box] = []
+    standing: list[_Span] = []
     for request in requests:
         placed = 0
         for _ in range(int(rng.integers(max(request.least, 1), request.most + 1))):
@@ -368,12 +372,11 @@ def _furnish(
                 if stand is None:
                     continue
                 span = stand.place((-0.03, item.width + 0.03), item.height, (0.001, item.depth))
-                if request.kind != "flat" and any(_overlap(span, other) for other in taken):
-                    continue
-                if request.kind == "flat" and any(_overlap(span, other) for other in taken[:1]):
+                obstacles = solid if request.kind == "flat" else [*solid, *standing]
+                if any(_overlap(span, other) for other in obstacles):
                     continue
                 if request.kind != "flat":
-                    taken.append(span)
+                    standing.append(span)
                 placed += 1
                 boxes += [
                     Box(*stand.place(part.u, part.y, part.d), part.look, CATEGORIES.index(part.category))
@@ -422,8 +425,8 @@ def _draw(room_type: str, rng: np.random.Generator, size: Size) -> RoomLayout | 
     height = float(rng.uniform(2.5, 2.8))
     walls, solid = _shape(room_type, size, columns, rows, rng)
     structure = _structure(room_type, walls, outline, height, rng)
-    taken: list[_Span] = [((west, 0.0, south), (east, height, north)) for west, east, south, north in solid]
-    boxes = _furnish(_REQUESTS[size][room_type], walls, taken, outline, rng)
+    blocks = [((west, 0.0, south), (east, height, north)) for west, east, south, north in solid]
+    boxes = _furnish(_REQUESTS[size][room_type], walls, blocks, outline, rng)
     if boxes is None:
         return None
     footprints = solid + [
