@@ -1,12 +1,11 @@
 """Images per second of the encoder at 224x224, beside torch's CPU rate for the same network where torch is installed.
 
-Both run in turn in one process, on the same images, each at each batch size; the table has the median and best of the
-repeats. Two measures, because a machine is rarely idle: wall-clock time, and processor time (which does not count the
-time others had the cores; torch's OpenMP threads spin while they wait, so on a busy machine its wall clock suffers
-most and its processor time second; the fairest reading on a busy machine is one thread, `taskset -c 0`).
+All run in turn in one process, on the same images, so that they meet the same load: torch in both of its memory
+layouts, with batch norms folded as ours are. Wall-clock time has the load of the machine in it, and programs of several
+threads do not suffer from it equally; processor time leaves out the time that others had the cores. On a busy machine
+read the processor times of one thread: `taskset -c 0 relm-irl bench encoder`.
 """
 
-import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,6 +17,7 @@ import numpy as np
 from jaxtyping import Array, Float, UInt8
 from rich.table import Table
 
+from relm_irl_jax.benchmarks.timing import REPEATS, machine
 from relm_irl_jax.features import weights
 from relm_irl_jax.features.encoder import DEVIATION, MEAN, Views, preprocess
 from relm_irl_jax.features.resnet import STAGES, ResNet50, layers, pooled
@@ -28,9 +28,6 @@ SIZE = 224
 
 BATCH_SIZES = (8, 16, 32)
 """Images encoded at once."""
-
-REPEATS = 7
-"""Timed runs of each program at each batch size, after one that is not timed."""
 
 
 @dataclass(frozen=True)
@@ -46,9 +43,8 @@ def main() -> None:
     state = weights.random_state_dict(seed=0)
     params = jax.tree.map(jnp.asarray, weights.folded(state))
     rivals = {"torch": torch_program(state, False), "torch channels last": torch_program(state, True)}
-    threads = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    table = Table(title=f"ResNet-50 at {SIZE}x{SIZE}, {threads} threads, {jax.devices()[0].device_kind}: images/s")
-    for heading in ("program", "batch", "wall median", "wall best", "processor best"):
+    table = Table(title=f"ResNet-50 at {SIZE}x{SIZE}, images/s\n{machine()}")
+    for heading in ("program", "batch", "wall median", "wall worst", "processor median"):
         table.add_column(heading, justify="left" if heading == "program" else "right")
     for batch in BATCH_SIZES:
         views = np.random.default_rng(0).integers(0, 256, (batch, SIZE, SIZE, 3), np.uint8)
@@ -59,7 +55,7 @@ def main() -> None:
                 difference = np.abs(rival(views) - ours(params, views)).max()
                 console.print(f"batch {batch}: largest difference to {name} {difference:.1e}")
         for name, timing in timed_in_turn(programs).items():
-            seconds = (np.median(timing.wall), timing.wall.min(), timing.processor.min())
+            seconds = (np.median(timing.wall), timing.wall.max(), np.median(timing.processor))
             table.add_row(name, str(batch), *(f"{batch / value:.1f}" for value in seconds))
     console.print(table)
     if None in rivals.values():

@@ -100,7 +100,7 @@ def calibrated(state: StateDict, images: Float[Array, "view height width 3"]) ->
     Returns:
         The state dict with `running_mean` and `running_var` of the images.
     """
-    _, measured = _calibrating({"params": unfolded(state)}, images, mutable="batch_stats")
+    _, measured = calibrating({"params": unfolded(state)}, images, mutable="batch_stats")
     statistics = flatten_dict(measured["batch_stats"])
     updated = dict(state)
     for layer in layers():
@@ -254,7 +254,8 @@ def unfolded(state: StateDict) -> Params:
     return unflatten_dict(params)
 
 
-_calibrating = jax.jit(ResNet50(calibrate=True).apply, static_argnames="mutable")
+calibrating = jax.jit(ResNet50(calibrate=True).apply, static_argnames="mutable")
+"""The network normalising by its batch, compiled once for all weights of one shape of images."""
 
 
 def _in_our_layout(kernel: np.ndarray) -> np.ndarray:

@@ -1,10 +1,13 @@
 """Encoding and the cache, at 64x64 to be quick."""
 
+import dataclasses
+
 import numpy as np
 import pytest
+from safetensors.numpy import save_file
 
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.features import EncoderSettings, cache, encode, encode_cached, encode_maps, make_encoder
+from relm_irl_jax.features import EncoderSettings, cache, encode, encode_cached, encode_maps, make_encoder, weights
 from relm_irl_jax.features.encoder import DEVIATION, MEAN, preprocess
 
 
@@ -42,15 +45,19 @@ def test_batches_are_padded_and_put_together_in_order(encoder, views):
     assert encode(encoder, views[:0]).shape == (0, 2048)
 
 
-def test_the_fingerprint_follows_weights_views_and_size(encoder, views):
-    same = make_encoder(EncoderSettings(image_size=64, batch_size=2), views)
-    assert same.fingerprint == encoder.fingerprint
-    for settings, calibration in (
-        (EncoderSettings(image_size=64, seed=1), views),
-        (EncoderSettings(image_size=32), views),
-        (EncoderSettings(image_size=64), views[:5]),
-    ):
-        assert make_encoder(settings, calibration).fingerprint != encoder.fingerprint
+def test_the_fingerprint_follows_weights_views_and_size(encoder, views, tmp_path):
+    settings = EncoderSettings(image_size=64)
+    assert make_encoder(settings, views).fingerprint == encoder.fingerprint
+    assert make_encoder(settings, 255 - views).fingerprint != encoder.fingerprint
+    other_seed = dataclasses.replace(settings, seed=1)
+    assert make_encoder(other_seed, views).fingerprint != encoder.fingerprint
+
+    path = tmp_path / "resnet50.safetensors"
+    save_file(weights.random_state_dict(seed=0), path)
+    of_file = make_encoder(EncoderSettings(weights=str(path), image_size=64))
+    smaller = make_encoder(EncoderSettings(weights=str(path), image_size=32))
+    assert of_file.name == "resnet50 resnet50.safetensors"
+    assert len({encoder.fingerprint, of_file.fingerprint, smaller.fingerprint}) == 3
 
 
 def test_random_features_tell_views_apart(encoder):

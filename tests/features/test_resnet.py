@@ -67,7 +67,7 @@ def torch_resnet50():
     return Network().eval()
 
 
-@pytest.mark.parametrize(("n", "height", "width"), [(3, 64, 64), (2, 32, 65), (1, 224, 224)])
+@pytest.mark.parametrize(("n", "height", "width"), [(2, 64, 65), (1, 224, 224)])
 def test_parity_with_torch(state, n, height, width):
     network = torch_resnet50()
     import torch
@@ -98,8 +98,7 @@ def test_calibrated_statistics_are_those_of_the_calibrated_network():
     """Folding the measured statistics gives the very network that ran while they were measured."""
     images = np.random.default_rng(1).normal(size=(4, 64, 64, 3)).astype(np.float32)
     state = weights.random_state_dict(seed=0)
-    params = {"params": weights.unfolded(state)}
-    ran, _ = jax.jit(ResNet50(calibrate=True).apply, static_argnames="mutable")(params, images, mutable="batch_stats")
+    ran, _ = weights.calibrating({"params": weights.unfolded(state)}, images, mutable="batch_stats")
 
     folded = weights.folded(weights.calibrated(state, images))
 
