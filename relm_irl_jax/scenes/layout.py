@@ -298,18 +298,26 @@ def _structure(
     patterns = _WALL_PATTERNS[room_type]
     pattern_order = [*rng.permutation(len(patterns)), *rng.permutation(len(patterns))]
     boxes = []
+    overlap = WALL_THICKNESS / 2
     for wall, colour, pattern in zip(walls, order, pattern_order, strict=False):
         first = np.clip(np.asarray(colours[colour]) + rng.uniform(-0.05, 0.05, 3), 0, 1)
         second = first * rng.uniform(0.78, 0.86) if rng.random() < 0.6 else first + 0.6 * (1 - first)
         kind, scale = patterns[pattern]
         look = Look(_colour(first), _colour(second), kind, scale * float(rng.uniform(0.9, 1.1)))
-        lower, upper = wall.place((0.0, wall.end - wall.start), (0.0, height), (-WALL_THICKNESS / 2, 0.0))
+        # Walls overlap where they meet the outline, so that no ray slips through a corner. At an L's inner corner they
+        # must not, because they would stand out into the room.
+        least, most = outline[2:] if wall.axis == 0 else outline[:2]
+        before = overlap if wall.start == least else 0.0
+        after = overlap if wall.end == most else 0.0
+        lower, upper = wall.place((-before, wall.end - wall.start + after), (0.0, height), (-overlap, 0.0))
         boxes.append(Box(lower, upper, look))
     floor = _FLOORS[room_type][rng.integers(len(_FLOORS[room_type]))]
     first, second = (_colour(np.asarray(c) + rng.uniform(-0.05, 0.05, 3)) for c in (floor.colour, floor.second))
-    west, east, south, north = outline
     ceiling = Look((0.93, 0.92, 0.9), (0.8, 0.79, 0.78), Pattern.TILES, float(rng.uniform(0.8, 1.1)))
-    boxes.append(Box((west, -0.1, south), (east, 0.0, north), Look(first, second, floor.pattern, floor.scale)))
+    west, south = outline[0] - overlap, outline[2] - overlap
+    east, north = outline[1] + overlap, outline[3] + overlap
+    floor = Look(first, second, floor.pattern, floor.scale)
+    boxes.append(Box((west, -0.1, south), (east, 0.0, north), floor))
     boxes.append(Box((west, height, south), (east, height + 0.1, north), ceiling))
     return boxes
 

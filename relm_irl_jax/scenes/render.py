@@ -105,19 +105,20 @@ def box_table(boxes: Sequence[Box], light: tuple[float, float, float]) -> BoxTab
     if len(boxes) > MAX_BOXES:
         raise ValueError(f"A room can have at most {MAX_BOXES} boxes; this one has {len(boxes)}.")
 
-    def column(values: Sequence, dtype: type = np.float32) -> Array:
-        array = np.asarray(values, dtype)
-        return jnp.asarray(np.pad(array, [(0, MAX_BOXES - len(boxes))] + [(0, 0)] * (array.ndim - 1)))
+    def column(values: Sequence, *width: int, dtype: type = np.float32) -> Array:
+        array = np.zeros((MAX_BOXES, *width), dtype)
+        array[: len(values)] = np.reshape(values, (len(values), *width))
+        return jnp.asarray(array)
 
     return BoxTable(
-        lower=column([box.lower for box in boxes]),
-        upper=column([box.upper for box in boxes]),
-        colour=column([box.look.colour for box in boxes]),
-        second=column([box.look.second for box in boxes]),
-        pattern=column([box.look.pattern for box in boxes], np.int32),
+        lower=column([box.lower for box in boxes], 3),
+        upper=column([box.upper for box in boxes], 3),
+        colour=column([box.look.colour for box in boxes], 3),
+        second=column([box.look.second for box in boxes], 3),
+        pattern=column([box.look.pattern for box in boxes], dtype=np.int32),
         scale=column([box.look.scale for box in boxes]),
         glow=column([box.look.glow for box in boxes]),
-        category=column([box.category for box in boxes], np.int32),
+        category=column([box.category for box in boxes], dtype=np.int32),
         count=jnp.asarray(len(boxes), jnp.int32),
         light=jnp.asarray(light, jnp.float32),
     )
@@ -241,18 +242,20 @@ def _periodic(pattern: Array, u: Array, v: Array, box: Array) -> _Paint:
     plank_column, plank_u = _cell(u / 6 + _unit(_hash(row, box)))
     plank_tone = 0.82 + 0.36 * _unit(_hash(plank_column, row, box), 1)
     centre_u, centre_v = fu - 0.5, fv - 0.5
+    clouds = _clouds(u, v, box)
+    uneven = 0.88 + 0.24 * clouds  # stripes alone would look the same all along a wall
     cases = [
         (Pattern.CHECKER, (column + row) % 2, 0.95 + 0.5 * (tone - 0.9)),
         (Pattern.TILES, (jnp.minimum(fu, fv) < 0.06), tone),
-        (Pattern.STRIPES, column % 2, 0.93 + 0.14 * _unit(_hash(column, box))),
-        (Pattern.BANDS, row % 2, 0.93 + 0.14 * _unit(_hash(row, box))),
+        (Pattern.STRIPES, column % 2, uneven * (0.93 + 0.14 * _unit(_hash(column, box)))),
+        (Pattern.BANDS, row % 2, uneven * (0.93 + 0.14 * _unit(_hash(row, box)))),
         (
             Pattern.BRICKS,
             (brick_u < 0.05) | (brick_v < 0.1),
             0.85 + 0.3 * _unit(_hash(brick_column, brick_row, box)),
         ),
         (Pattern.DOTS, centre_u**2 + centre_v**2 < 0.08, tone),
-        (Pattern.PLASTER, _clouds(u, v, box), jnp.ones_like(u)),
+        (Pattern.PLASTER, clouds, jnp.ones_like(u)),
         (Pattern.PLANKS, (fv < 0.06) | (plank_u < 0.01), plank_tone),
         (Pattern.DIAMONDS, jnp.abs(centre_u) + jnp.abs(centre_v) < 0.36, tone),
         (Pattern.LEAVES, _unit(_hash(column, row, box), 1), 0.75 + 0.5 * _unit(_hash(column, row, box), 2)),

@@ -8,7 +8,7 @@ from relm_irl_jax.scenes.layout import layout
 from relm_irl_jax.scenes.render import box_table, render
 from relm_irl_jax.scenes.scene import ROOM_TYPES, Scene, pose_graph, shortest_path_distances
 
-VERSION = 2
+VERSION = 3
 """Version of the generator. Raise it whenever rooms or pictures change: caches depend on it."""
 
 SOURCE = f"rooms/{VERSION}"
