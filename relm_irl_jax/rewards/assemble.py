@@ -118,6 +118,7 @@ def _linear(
         row=jnp.asarray(row),
         features=jnp.asarray(np.concatenate([basis(scene.encoded) for scene in scenes]), jnp.float32),
         r_max=jnp.float32(settings.program.r_max),
+        least_cost=jnp.float32(settings.least_cost * settings.program.r_max),
         cost_form=settings.program.form == "cost",
         follow=follow,
     )

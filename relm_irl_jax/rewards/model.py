@@ -50,8 +50,8 @@ class ManualReward:
 class LinearReward:
     """A reward that is linear in features of the view (paper, Equation 1), in cost or free form.
 
-        r(s, a, s') = w · (φ(s') − φ(g))   in the cost form, clipped to [−r_max, 0]
-        r(s, a, s') = w · φ(s')            in the free form
+        r(s, a, s') = w · (φ(s') − φ(g))   in the cost form, clipped to [−r_max, −least_cost], and 0 at the target g
+        r(s, a, s') = w · φ(s')            in the free form, clipped to [−r_max, r_max]
 
     with the weights w of the episode's (start, target) pair, or, where the reward follows the agent, of the
     (current state, target) pair: "adjusted in real time according to the current state" (paper, section 4.2).
@@ -61,6 +61,7 @@ class LinearReward:
         row: row of `weights` for each target and local state of its scene.
         features: φ of each state of the world.
         r_max: bound on the size of the reward; predicted weights may break the bound that solved ones obey.
+        least_cost: least cost of a step that does not reach the target, so that standing still never pays.
         cost_form: whether φ(g) is subtracted and the reward clipped at 0. Static.
         follow: whether the weights are those of the current state instead of the start. Static.
     """
@@ -69,6 +70,7 @@ class LinearReward:
     row: Int32[Array, "targets locals"]
     features: Float32[Array, "states dimension"]
     r_max: Float32[Array, ""]
+    least_cost: Float32[Array, ""]
     cost_form: bool = field(default=True, metadata={"static": True})
     follow: bool = field(default=False, metadata={"static": True})
 
@@ -79,4 +81,5 @@ class LinearReward:
         view = self.features[transition.next_state]
         if not self.cost_form:
             return jnp.clip(weights @ view, -self.r_max, self.r_max)
-        return jnp.clip(weights @ (view - self.features[targets.state[transition.target]]), -self.r_max, 0.0)
+        cost = weights @ (view - self.features[targets.state[transition.target]])
+        return jnp.where(transition.terminated, 0.0, jnp.clip(cost, -self.r_max, -self.least_cost))

@@ -12,6 +12,8 @@ from jaxtyping import Float32, Float64, Int32, UInt8
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import shortest_path
 
+from relm_irl_jax.errors import InputError
+
 ACTIONS = ("MoveAhead", "RotateRight", "RotateLeft", "MoveBack")
 """Names of the four actions, in the order of the columns of `Scene.graph`."""
 
@@ -67,6 +69,20 @@ class Scene:
     def n_states(self) -> int:
         """Number of states."""
         return len(self.graph)
+
+    @property
+    def views(self) -> UInt8[np.ndarray, "states height width 3"]:
+        """The views; an InputError where the scene holds none."""
+        if self.observation is None:
+            raise InputError(f"{self.name}: the scene holds no views; read or generate it with them.")
+        return self.observation
+
+    @property
+    def encoded(self) -> Float32[np.ndarray, "states feature"]:
+        """The features; an InputError where the views are not encoded yet."""
+        if self.features is None:
+            raise InputError(f"{self.name}: the scene has no features; encode its views first.")
+        return self.features
 
 
 def pose_graph(

@@ -35,9 +35,11 @@ def test_manual_reward_by_hand():
     assert corridor_rewards(manual_reward(ManualSettings())) == pytest.approx([-0.1, -0.01, 10.0])
 
 
-def linear(weights, row, **form):
+def linear(weights, row, least_cost=0.0, **form):
     features = jnp.eye(8)[:, :6]
-    return LinearReward(jnp.asarray(weights), jnp.asarray(row), features, jnp.float32(1.0), **form)
+    return LinearReward(
+        jnp.asarray(weights), jnp.asarray(row), features, jnp.float32(1.0), jnp.float32(least_cost), **form
+    )
 
 
 def test_linear_reward_by_hand():
@@ -47,6 +49,7 @@ def test_linear_reward_by_hand():
     from_start = np.zeros((1, 8), np.int32)
     assert corridor_rewards(linear(w, from_start)) == pytest.approx([-0.5, -0.75, 0.0])  # w·(φ(s') − φ(g))
     assert corridor_rewards(linear(w, from_start, cost_form=False)) == pytest.approx([-0.25, -0.5, 0.25])
+    assert corridor_rewards(linear(w, from_start, least_cost=0.6)) == pytest.approx([-0.6, -0.75, 0.0])
     by_state = np.asarray([[1, 0, 0, 0, 0, 0, 0, 0]], np.int32)
     assert corridor_rewards(linear(w, by_state)) == pytest.approx([0.0, -1.0, 0.0])  # clipped to [−1, 0]
     assert corridor_rewards(linear(w, by_state, follow=True)) == pytest.approx([0.0, -1.0, 0.0])
