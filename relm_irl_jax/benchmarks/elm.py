@@ -143,7 +143,7 @@ def peer(size: tuple[int, int, int], repeats: int) -> Row | None:
     timing = measure(lambda: train() and None, repeats)
     elm = train()
     error = relative_error(data.T_test, elm.predict(X_test))
-    return Row("hpelm", "hpelm LOO OP", *size, **asdict(timing), kept=int(elm.nnet.L), error=error)
+    return Row("hpelm", "hpelm LOO OP", *size, **asdict(timing), kept=len(np.asarray(elm.nnet.B)), error=error)
 
 
 @jax.jit

@@ -1,7 +1,7 @@
 """The paper's ablation of the ELM (Figures 7 to 10), as functions of the data that return arrays.
 
-X holds features of start and target, T the reward weights w of each pair. `accuracy` is the coefficient of determination
-R², averaged over outputs: the paper does not define its "accuracy"; R² is 1 for a perfect prediction, as its axis is.
+X holds features of start and target, T the reward weights w of each pair. Accuracy is the coefficient of determination
+R², averaged over outputs: the paper does not define its "accuracy", and R² too is 1 for a perfect prediction.
 """
 
 from collections.abc import Sequence
@@ -107,9 +107,10 @@ def accuracy_by_size(
     Returns:
         Figure 7.
     """
+    settings: dict[str, Any] = {**parameters, "ordering": "none", "selection": "none"}
     scores = []
     for size in sizes:
-        model = ELMRegressor(size, **{**parameters, "ordering": "none", "selection": "none"}).fit(X, T)
+        model = ELMRegressor(size, **settings).fit(X, T)
         scores.append((r2_score(T_test, model.predict(X_test)), r2_score(T, model.predict(X))))
     test, train = np.array(scores).T
     return SizeCurve(np.asarray(sizes), test, train)
@@ -142,14 +143,16 @@ def before_and_after(
         X, T: training pairs.
         X_test, T_test: test pairs.
         n_hidden: number of neurons before selection.
-        parameters: of `ELMRegressor`; give a `random_state`, so that both have the same neurons.
+        parameters: of `ELMRegressor`; `random_state` is 0 unless given, and both have the same neurons.
 
     Returns:
         Figures 8 and 10, and the regularised model, whose curve is Figure 9.
     """
-    parameters = {"random_state": 0, **parameters}
-    plain = ELMRegressor(n_hidden, **{**parameters, "ordering": "none", "selection": "none"}).fit(X, T)
-    model = ELMRegressor(n_hidden, **{"ordering": "mrsr", **parameters, "selection": "press"}).fit(X, T)
+    settings: dict[str, Any] = {"random_state": 0, **parameters}
+    everything: dict[str, Any] = {**settings, "ordering": "none", "selection": "none"}
+    regularised: dict[str, Any] = {"ordering": "mrsr", **settings, "selection": "press"}
+    plain = ELMRegressor(n_hidden, **everything).fit(X, T)
+    model = ELMRegressor(n_hidden, **regularised).fit(X, T)
     before, after = (m.predict(X_test).reshape(len(X_test), -1) for m in (plain, model))
     truth = np.asarray(T_test, np.float64).reshape(len(X_test), -1)
     return (

@@ -82,7 +82,9 @@ def output_weights(
         if H.shape[1] and (ridge > 0 or H.shape[1] < len(H)):
             beta, sound = _solve_jit(Hc, Tc, ridge)
     if not sound:
-        beta = scipy.linalg.lstsq(np.asarray(Hc), np.asarray(Tc), check_finite=False)[0]
+        # Centring took one direction away; rounding leaves a trace of it, which the default cut-off would keep.
+        cut = rank_tolerance(*H.shape)
+        beta = scipy.linalg.lstsq(np.asarray(Hc), np.asarray(Tc), cond=cut, check_finite=False)[0]
     beta = np.asarray(beta)
     return beta, T_mean - H_mean @ beta
 
