@@ -12,7 +12,6 @@ be kept away from every one of them.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Literal
-from typing import Annotated
 
 import numpy as np
 from pydantic import Field, PositiveInt

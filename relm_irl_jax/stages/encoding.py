@@ -1,0 +1,67 @@
+"""First stage: scenes and the features of their views."""
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+
+from relm_irl_jax.config import Config
+from relm_irl_jax.features.cache import encode_cached
+from relm_irl_jax.features.encoder import Encoder, make_encoder
+from relm_irl_jax.scenes.catalog import ROOMS, cache_folder, training_scenes, unseen_scenes, without_views
+from relm_irl_jax.scenes.scene import Scene
+
+
+@dataclass(frozen=True)
+class EncodedScenes:
+    """Scenes with features, and what encoded them.
+
+    Attributes:
+        scenes: the scenes, without their views.
+        encoder: the encoder; None where the scene files bring their own features.
+        encoder_name: what results call it.
+    """
+
+    scenes: list[Scene]
+    encoder: Encoder | None
+    encoder_name: str
+
+
+def encode_training(config: Config) -> EncodedScenes:
+    """Prepare the training scenes.
+
+    Args:
+        config: the configuration.
+
+    Returns:
+        The training scenes with features.
+    """
+    scenes = training_scenes(config.scenes, config.scene)
+    if config.scenes != ROOMS and all(scene.features is not None for scene in scenes):
+        return EncodedScenes([without_views(scene) for scene in scenes], None, scenes[0].encoder)
+    # Random weights take their statistics from training views only, so that unseen scenes stay unseen.
+    share = -(-config.encoder.calibration_views // len(scenes))
+    views = [scene.views[:: max(1, scene.n_states // share)][:share] for scene in scenes]
+    encoder = make_encoder(config.encoder, np.concatenate(views))
+    return EncodedScenes([_encoded(scene, encoder) for scene in scenes], encoder, encoder.name)
+
+
+def encode_unseen(config: Config, training: EncodedScenes) -> list[Scene]:
+    """Prepare the scenes of Task III with the encoder of the training scenes.
+
+    Args:
+        config: the configuration.
+        training: the training scenes.
+
+    Returns:
+        The unseen scenes with features.
+    """
+    scenes = unseen_scenes(config.scenes, config.scene)
+    if training.encoder is None:
+        return [without_views(scene) for scene in scenes]
+    return [_encoded(scene, training.encoder) for scene in scenes]
+
+
+def _encoded(scene: Scene, encoder: Encoder) -> Scene:
+    features = encode_cached(scene.views, encoder, cache_folder() / "features", f"encoding {scene.name}")
+    return dataclasses.replace(without_views(scene), features=features, encoder=encoder.name)

@@ -1,0 +1,69 @@
+"""Last stage: every trained agent on one task."""
+
+import jax
+
+from relm_irl_jax.agent.train import network_of
+from relm_irl_jax.config import METHODS, Config
+from relm_irl_jax.evaluation import RandomPolicy, evaluate, metrics, network_policy
+from relm_irl_jax.progress import progress_bar
+from relm_irl_jax.runs import RunFolder, load_parameters, write_json
+from relm_irl_jax.stages.encoding import EncodedScenes, encode_unseen
+from relm_irl_jax.stages.training import head_numbers, world_of
+from relm_irl_jax.tasks import draw_split
+from relm_irl_jax.world import build_targets
+
+
+def evaluate_task(config: Config, folder: RunFolder, training: EncodedScenes, task: str) -> dict:
+    """Evaluate every trained agent of the run on a task.
+
+    Args:
+        config: the configuration.
+        folder: the run folder.
+        training: the training scenes.
+        task: `I`, `II` or `III`.
+
+    Returns:
+        The contents of `results.json`, which is written.
+    """
+    unseen = encode_unseen(config, training) if task == "III" else []
+    scenes = unseen if task == "III" else training.scenes
+    world = world_of(config, scenes, training.scenes)
+    rows = []
+    jobs = [
+        (seed, method)
+        for seed in range(config.seeds)
+        for method in METHODS
+        if method in config.chosen_methods() or folder.agent(method, seed).exists()
+    ]
+    with progress_bar(f"evaluating task {task}", len(jobs), "agents") as advance:
+        for seed, method in jobs:
+            split = draw_split(training.scenes, unseen, config.tasks, seed)
+            targets = build_targets(scenes, split.of_task(task, config.evaluation))
+            if method == "random":
+                policy = RandomPolicy()
+            else:
+                network = network_of(config.agent, head_numbers(config, scenes, training.scenes)[1])
+                parameters = load_parameters(folder.agent(method, seed))
+                greedy = config.evaluation.policy == "greedy"
+                policy = network_policy(network, parameters, world, targets, greedy=greedy)
+            key = jax.random.fold_in(jax.random.key(seed), 1)
+            episodes = evaluate(key, policy, world, targets, config.tasks.cap, config.evaluation.episodes)
+            for number, scene in enumerate(scenes):
+                measured = metrics(episodes, number)
+                rows.append(
+                    {
+                        "method": method,
+                        "scene": scene.name,
+                        "room_type": scene.room_type,
+                        "seed": seed,
+                        "episodes": measured.episodes,
+                        "sr": measured.success_rate,
+                        "ple": measured.path_length_error,
+                        "spl": measured.spl,
+                    }
+                )
+            advance(1)
+    results = {"task": task, "cap": config.tasks.cap, "encoder": training.encoder_name, "rows": rows}
+    write_json(folder.file(f"results-{task}.json"), results)
+    write_json(folder.file("results.json"), results)
+    return results

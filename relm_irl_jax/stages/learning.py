@@ -1,0 +1,125 @@
+"""Second stage: rewards learned from demonstrations, and the machines that predict them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from relm_irl_jax.config import Config, Method
+from relm_irl_jax.elm import ELMRegressor
+from relm_irl_jax.irl import reward
+from relm_irl_jax.report.figures import reward_maps, save_figure
+from relm_irl_jax.report.tables import METHOD_NAMES
+from relm_irl_jax.rewards.demonstrations import DemonstratedReward, RewardBasis, fit_basis, learn_rewards
+from relm_irl_jax.rewards.prediction import fit_machine, pair_data, pair_inputs
+from relm_irl_jax.rewards.quality import judge, judge_predictions
+from relm_irl_jax.runs import RunFolder, save_arrays, write_table
+from relm_irl_jax.scenes.scene import Scene
+from relm_irl_jax.tasks import TaskSplit
+
+
+@dataclass(frozen=True)
+class LearnedRewards:
+    """What the demonstrations of one seed taught.
+
+    Attributes:
+        basis: φ.
+        records: demonstrated rewards.
+        machines: the fitted machine of each method that predicts rewards.
+    """
+
+    basis: RewardBasis
+    records: list[DemonstratedReward]
+    machines: dict[Method, ELMRegressor]
+
+
+def learn(config: Config, scenes: Sequence[Scene], split: TaskSplit, seed: int, folder: RunFolder) -> LearnedRewards:
+    """Learn rewards from demonstrations and fit the machines that predict them; keep both in the run folder.
+
+    Args:
+        config: the configuration.
+        scenes: encoded training scenes.
+        split: the targets of all tasks.
+        seed: the run's seed.
+        folder: the run folder.
+
+    Returns:
+        The learned rewards.
+    """
+    basis = fit_basis(scenes, config.irl.dimension)
+    records = learn_rewards(scenes, split, basis, config.irl, seed)
+    data = pair_data(scenes, records, config.elm.pairs, np.random.default_rng([seed, 2]))
+    machines: dict[Method, ELMRegressor] = {
+        "elm-irl": fit_machine(data, config.elm, seed, regularised=False),
+        "relm-irl": fit_machine(data, config.elm, seed, regularised=True),
+    }
+    learned = LearnedRewards(basis, records, machines)
+    save_arrays(
+        folder.rewards(seed, "demonstrated.safetensors"),
+        {
+            "mean": basis.mean,
+            "components": basis.components,
+            "weights": np.stack([record.solution.w for record in records]),
+            "scene": np.asarray([record.target.scene for record in records]),
+            "target": np.asarray([record.target.state for record in records]),
+            "trained": np.asarray([record.trained for record in records]),
+        },
+    )
+    regularised = machines["relm-irl"]
+    if regularised.press_curve_ is not None:
+        neurons = np.arange(1, len(regularised.press_curve_) + 1)
+        curve = {"neurons": neurons, "mean_squared_error": regularised.press_curve_}
+        write_table(folder.rewards(seed, "press.csv"), curve)
+    _judge_rewards(scenes, split, learned, seed, folder)
+    _map_rewards(scenes, split, learned, seed, folder)
+    return learned
+
+
+def _map_rewards(
+    scenes: Sequence[Scene], split: TaskSplit, learned: LearnedRewards, seed: int, folder: RunFolder
+) -> None:
+    """Map r(s) of every learned reward over one room of each type, for a trained and for a new target."""
+    demonstrated = {record.target: record.solution.w for record in learned.records if record.trained}
+    first_scene = {scene.room_type: number for number, scene in reversed(list(enumerate(scenes)))}
+    for room_type, number in first_scene.items():
+        scene = scenes[number]
+        for name, targets in (("trained", split.training), ("new", split.new)):
+            target = next(target for target in targets if target.scene == number)
+            start = int(scene.shortest_path_distance[:, target.state].argmax())
+            pair = pair_inputs(scene.encoded[[start]], scene.encoded[[target.state]])
+            weights = {"IRL": demonstrated[target]} if target in demonstrated else {}
+            weights |= {METHOD_NAMES[m]: machine_.predict(pair)[0] for m, machine_ in learned.machines.items()}
+            phi = learned.basis(scene.encoded)
+            values = {title: reward(phi, target.state, w) for title, w in weights.items()}
+            table = {"x": scene.location[:, 0], "z": scene.location[:, 1], "rotation": scene.rotation, **values}
+            write_table(folder.rewards(seed, f"map-{name}-{room_type}.csv"), table)
+            if seed == 0:
+                figure = reward_maps(scene, target.state, start, values)
+                save_figure(figure, folder.file("figures", f"reward-{name}-{room_type}.png"))
+
+
+def _judge_rewards(
+    scenes: Sequence[Scene], split: TaskSplit, learned: LearnedRewards, seed: int, folder: RunFolder
+) -> None:
+    """Write rank and order of every method's reward, on trained and on new targets."""
+    judged = {
+        ("irl", "trained"): [
+            judge(scenes[record.target.scene], record.target.state, learned.basis, record.solution.w)
+            for record in learned.records
+            if record.trained
+        ]
+    }
+    groups = {"trained": split.training, "new": split.new, "uniform": split.uniform}
+    for method, machine_ in learned.machines.items():
+        for name, targets in groups.items():
+            generator = np.random.default_rng([seed, 3])
+            predict = lambda first, wanted, m=machine_: m.predict(pair_inputs(first, wanted))  # noqa: E731
+            judged[method, name] = judge_predictions(scenes, targets, learned.basis, predict, generator)
+    table = {"method": [], "targets": [], "median_rank": [], "median_rank_share": [], "mean_order": []}
+    for (method, name), judgements in judged.items():
+        table["method"].append(method)
+        table["targets"].append(name)
+        table["median_rank"].append(np.median([j.rank for j in judgements]))
+        table["median_rank_share"].append(round(np.median([j.rank / j.states for j in judgements]), 4))
+        table["mean_order"].append(round(float(np.nanmean([j.order for j in judgements])), 4))
+    write_table(folder.rewards(seed, "quality.csv"), table)

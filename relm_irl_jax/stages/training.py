@@ -1,0 +1,132 @@
+"""Third stage: one agent a method and seed."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import jax
+import numpy as np
+
+from relm_irl_jax.agent.train import LearningCurve, train
+from relm_irl_jax.config import Config, Method
+from relm_irl_jax.errors import InputError
+from relm_irl_jax.progress import progress_bar
+from relm_irl_jax.rewards.assemble import demonstrated_reward, manual_reward, predicted_reward
+from relm_irl_jax.rewards.model import RewardModel
+from relm_irl_jax.runs import RunFolder, save_parameters, write_table
+from relm_irl_jax.scenes.scene import Scene
+from relm_irl_jax.stages.learning import LearnedRewards
+from relm_irl_jax.tasks import TaskSplit
+from relm_irl_jax.world import World, build_targets, build_world
+
+
+def head_numbers(config: Config, scenes: Sequence[Scene], training: Sequence[Scene]) -> tuple[list[int], int]:
+    """Number the heads of the network.
+
+    Args:
+        config: the configuration.
+        scenes: scenes to number.
+        training: training scenes, whose room types own the heads.
+
+    Returns:
+        The head of each scene, and the number of heads.
+
+    Raises:
+        InputError: a scene's room type was never trained.
+    """
+    if config.agent.heads == "shared":
+        return [0] * len(scenes), 1
+    room_types = list(dict.fromkeys(scene.room_type for scene in training))
+    for scene in scenes:
+        if scene.room_type not in room_types:
+            raise InputError(f"{scene.name}: no scene of type {scene.room_type} is trained; use agent.heads = shared.")
+    return [room_types.index(scene.room_type) for scene in scenes], len(room_types)
+
+
+def world_of(config: Config, scenes: Sequence[Scene], training: Sequence[Scene]) -> World:
+    """Lay scenes end to end, their features standardised by the training scenes' mean and deviation.
+
+    Args:
+        config: the configuration.
+        scenes: encoded scenes.
+        training: encoded training scenes.
+
+    Returns:
+        The world.
+    """
+    views = np.concatenate([scene.encoded for scene in training])
+    mean, deviation = views.mean(0), views.std(0)
+    spread = np.where(deviation > 1e-6 * deviation.max(), deviation, np.inf)
+    standardised = [
+        dataclasses.replace(scene, features=((scene.encoded - mean) / spread).astype(np.float32)) for scene in scenes
+    ]
+    return build_world(standardised, head_numbers(config, scenes, training)[0])
+
+
+def reward_of(
+    config: Config, method: Method, scenes: Sequence[Scene], split: TaskSplit, learned: LearnedRewards | None
+) -> tuple[RewardModel, float]:
+    """The reward that a method trains on, and the size of a typical return.
+
+    Args:
+        config: the configuration.
+        method: the method.
+        scenes: encoded training scenes.
+        split: the targets of all tasks.
+        learned: the learned rewards; not needed by RL.
+
+    Returns:
+        The reward model, and the divisor of its returns.
+    """
+    if method == "rl":
+        return manual_reward(config.manual), abs(config.manual.target) or 1.0
+    assert learned is not None
+    scale = config.irl.program.r_max * config.agent.cost_horizon
+    if method == "irl":
+        model = demonstrated_reward(scenes, split.training, learned.records, learned.basis, config.irl)
+    else:
+        machine_ = learned.machines[method]
+        model = predicted_reward(scenes, split.training, machine_, learned.basis, config.irl, config.elm)
+    return model, scale
+
+
+def train_method(
+    config: Config,
+    method: Method,
+    seed: int,
+    scenes: Sequence[Scene],
+    split: TaskSplit,
+    learned: LearnedRewards | None,
+    folder: RunFolder,
+) -> None:
+    """Train one method and keep its network and learning curve.
+
+    All methods of a seed begin with the same parameters and random numbers, so that they differ by reward alone.
+
+    Args:
+        config: the configuration.
+        method: the method.
+        seed: the run's seed.
+        scenes: encoded training scenes.
+        split: the targets; training sees no others than `split.training`.
+        learned: the learned rewards; not needed by RL.
+        folder: the run folder.
+    """
+    reward_model, scale = reward_of(config, method, scenes, split, learned)
+    world = world_of(config, scenes, scenes)
+    targets = build_targets(scenes, split.training)
+    n_heads = head_numbers(config, scenes, scenes)[1]
+    with progress_bar(f"training {method}, seed {seed}", config.frames, "frames") as advance:
+        parameters, curve = train(
+            jax.random.key(seed),
+            world,
+            targets,
+            reward_model,
+            scale,
+            n_heads,
+            config.agent,
+            config.tasks.cap,
+            config.frames,
+            advance,
+        )
+    write_table(folder.curve(method, seed), {f.name: getattr(curve, f.name) for f in dataclasses.fields(LearningCurve)})
+    save_parameters(folder.agent(method, seed), parameters)
