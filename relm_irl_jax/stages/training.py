@@ -78,7 +78,9 @@ def reward_of(
         The reward model, and the divisor of its returns.
     """
     if method == "rl":
-        return manual_reward(config.manual), abs(config.manual.target) or 1.0
+        # Unscaled, one step more or less changes its return about as much as it does a learned reward's scaled return,
+        # so that the entropy weighs alike in both.
+        return manual_reward(config.manual), 1.0
     assert learned is not None
     scale = config.irl.program.r_max * config.agent.cost_horizon
     if method == "irl":
