@@ -1,0 +1,51 @@
+"""Which scenes a run uses."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from builders import grid_scene
+
+from relm_irl_jax.errors import InputError
+from relm_irl_jax.scenes.catalog import SceneSettings, check_source, training_scenes, unseen_scenes
+from relm_irl_jax.scenes.dump import save_scene
+
+
+@pytest.fixture
+def folder(tmp_path):
+    for number in range(4):
+        scene = grid_scene(2, 2, name=f"bathroom-{number}")
+        save_scene(replace(scene, observation=np.zeros((16, 4, 4, 3), np.uint8)), tmp_path / f"{scene.name}.h5")
+    return str(tmp_path)
+
+
+def test_unseen_scenes_are_never_training_scenes(folder):
+    settings = SceneSettings(training_per_type=2, unseen_per_type=2)
+    training = {scene.name for scene in training_scenes(folder, settings)}
+    unseen = {scene.name for scene in unseen_scenes(folder, settings)}
+    assert training == {"bathroom-0", "bathroom-1"}
+    assert unseen == {"bathroom-2", "bathroom-3"}
+
+
+def test_too_few_scenes_are_refused(folder):
+    with pytest.raises(InputError, match="4 scenes of type bathroom, 5 are needed"):
+        unseen_scenes(folder, SceneSettings(training_per_type=2, unseen_per_type=3))
+
+
+def test_sources_that_hold_no_scene_are_refused(tmp_path):
+    with pytest.raises(InputError, match="is no folder"):
+        check_source(str(tmp_path / "absent"))
+    with pytest.raises(InputError, match="holds no file"):
+        check_source(str(tmp_path))
+    check_source("rooms")
+
+
+def test_rooms_are_rendered_once(tmp_path, monkeypatch):
+    monkeypatch.setattr("relm_irl_jax.scenes.catalog.cache_folder", lambda: tmp_path)
+    settings = SceneSettings(training_per_type=1, size="tiny", image_size=16)
+    first = training_scenes("rooms", settings)
+    monkeypatch.setattr("relm_irl_jax.scenes.catalog.generate_room", None)
+    again = training_scenes("rooms", settings)
+    assert [scene.name for scene in first] == ["bathroom-0", "bedroom-0", "living_room-0"]
+    for before, after in zip(first, again, strict=True):
+        assert (before.views == after.views).all()
