@@ -13,8 +13,6 @@ Every file appears whole or not at all.
 
 import csv
 import json
-import os
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,6 +26,7 @@ from safetensors.numpy import load, save
 from relm_irl_jax.agent.networks import Parameters
 from relm_irl_jax.config import Config, config_record, fingerprint, load_config, trained_part
 from relm_irl_jax.errors import InputError
+from relm_irl_jax.files import write_bytes
 
 CONFIG_FILE = "config.json"
 
@@ -127,23 +126,6 @@ def read_results(folder: RunFolder) -> dict[str, Any]:
         return json.loads(path.read_text())
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: cannot be read ({error}); run `relm-irl evaluate {folder.path}`.") from error
-
-
-def write_bytes(path: Path, content: bytes) -> None:
-    """Write a file that appears whole or not at all.
-
-    Args:
-        path: the file.
-        content: what it shall hold.
-    """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".partial")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-        os.replace(temporary, path)
-    finally:
-        Path(temporary).unlink(missing_ok=True)
 
 
 def write_json(path: Path, value: Any) -> None:

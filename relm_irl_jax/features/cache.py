@@ -1,8 +1,6 @@
 """Features on disk, keyed by all that they depend on: the views and the encoder's fingerprint."""
 
 import hashlib
-import os
-import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +10,7 @@ from safetensors.numpy import save
 
 from relm_irl_jax.features.encoder import Encoder, Views, encode
 from relm_irl_jax.features.resnet import N_FEATURES
+from relm_irl_jax.files import write_bytes
 from relm_irl_jax.progress import console
 
 
@@ -67,14 +66,5 @@ def _load(path: Path, n_views: int) -> np.ndarray:
 
 
 def _save(features: np.ndarray, path: Path) -> None:
-    """Write features to a file beside the path, then move it there."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    metadata = {"sha256": hashlib.sha256(features.data).hexdigest()}
-    descriptor, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}.")
-    try:
-        with os.fdopen(descriptor, "wb") as file:
-            file.write(save({"features": features}, metadata))
-        os.replace(temporary, path)
-    except BaseException:
-        os.unlink(temporary)
-        raise
+    """Write features with their checksum."""
+    write_bytes(path, save({"features": features}, {"sha256": hashlib.sha256(features.data).hexdigest()}))

@@ -10,8 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
+from relm_irl_jax.files import write_bytes
 from relm_irl_jax.report.tables import METHOD_NAMES
-from relm_irl_jax.runs import write_bytes
 from relm_irl_jax.scenes.scene import GRID_STEP, HEADINGS, Scene
 
 COLOURS = {"random": "#7f7f7f", "rl": "#222222", "irl": "#1f6fd6", "elm-irl": "#e08a1e", "relm-irl": "#d62728"}
@@ -94,6 +94,7 @@ def reward_maps(scene: Scene, target: int, start: int, rewards: Mapping[str, Flo
         target: the target's state.
         start: the start's state.
         rewards: reward of every state, by title.
+        limits: ends of the colour scale; predicted rewards may lie beyond them.
 
     Returns:
         The figure.
@@ -104,14 +105,15 @@ def reward_maps(scene: Scene, target: int, start: int, rewards: Mapping[str, Flo
     panels = np.atleast_1d(figure.subplots(1, len(rewards)))
     for panel, (title, values) in zip(panels, rewards.items(), strict=True):
         collection = _triangles(panel, scene, values)
+        collection.set_clim(*limits)
         place, heading = scene.location[target], np.deg2rad(scene.rotation[target])
         panel.plot(*place, "*", color="#d62728", markersize=13, markeredgecolor="white")
         panel.plot(*scene.location[start], "o", color="none", markersize=9, markeredgecolor="#d62728")
         tip = place + 0.75 * np.array([np.sin(heading), np.cos(heading)])
         panel.annotate("", tip, place, arrowprops={"arrowstyle": "->", "color": "#d62728", "lw": 1.8})
         panel.set(title=title, aspect="equal", xlabel="x in metres", ylabel="z in metres")
-        figure.colorbar(collection, ax=panel, label="r(s)", shrink=0.8)
-    figure.suptitle(f"{scene.name}, target state {target}")
+        figure.colorbar(collection, ax=panel, label="r(s)", shrink=0.8, extend="both")
+    figure.suptitle(f"{scene.name}: reward for target state {target} (star), from a start (ring)")
     return figure
 
 

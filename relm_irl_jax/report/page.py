@@ -9,9 +9,10 @@ import jax
 import numpy as np
 
 from relm_irl_jax.config import Config
+from relm_irl_jax.files import write_bytes
 from relm_irl_jax.report.figures import learning_curves, press_figure, save_figure
 from relm_irl_jax.report.tables import markdown_table, methods_of
-from relm_irl_jax.runs import RunFolder, read_table, write_bytes
+from relm_irl_jax.runs import RunFolder, read_table
 
 PACKAGES = ("jax", "flax", "optax", "numpy", "cvxpy", "clarabel")
 

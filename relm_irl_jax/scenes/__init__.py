@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 _HOME = {"Scene": "scene", "generate_room": "rooms", "load_scene": "dump", "save_scene": "dump"}
 
-__all__ = sorted(_HOME)  # noqa: PLE0605
+__all__ = sorted(_HOME)
 
 
 def __getattr__(name: str) -> Any:

@@ -8,13 +8,13 @@ the dataset `visible_object` with the attribute `categories`, and the file attri
 
 import os
 import re
-import tempfile
 from pathlib import Path
 
 import h5py
 import numpy as np
 
 from relm_irl_jax.errors import InputError
+from relm_irl_jax.files import whole_file
 from relm_irl_jax.scenes.scene import ROOM_TYPES, Scene
 
 FORMAT_VERSION = 1
@@ -26,40 +26,28 @@ def save_scene(scene: Scene, path: str | os.PathLike) -> None:
 
     Args:
         scene: the scene; fields that are None are left out.
-        path: file to write, by custom ending in `.h5` or `.hdf5`.
+        path: file to write, customarily ending in `.h5` or `.hdf5`.
     """
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".partial")
-    os.close(handle)
-    try:
-        with h5py.File(temporary, "w") as file:
-            file["location"] = scene.location
-            file["rotation"] = scene.rotation
-            file["graph"] = scene.graph
-            file["shortest_path_distance"] = scene.shortest_path_distance
-            if scene.observation is not None:
-                file.create_dataset(
-                    "observation",
-                    data=scene.observation,
-                    chunks=(1, *scene.observation.shape[1:]),
-                    compression="lzf",
-                )
-            if scene.features is not None:
-                file["resnet_feature"] = scene.features[:, None, :]
-            if scene.visible_object is not None:
-                file["visible_object"] = scene.visible_object
-                file["visible_object"].attrs["categories"] = list(scene.categories)
-            file.attrs.update(
-                name=scene.name,
-                room_type=scene.room_type,
-                source=scene.source,
-                encoder=scene.encoder,
-                format_version=FORMAT_VERSION,
-            )
-        os.replace(temporary, path)
-    finally:
-        Path(temporary).unlink(missing_ok=True)
+    with whole_file(Path(path)) as temporary, h5py.File(temporary, "w") as file:
+        file["location"] = scene.location
+        file["rotation"] = scene.rotation
+        file["graph"] = scene.graph
+        file["shortest_path_distance"] = scene.shortest_path_distance
+        if scene.observation is not None:
+            chunks = (1, *scene.observation.shape[1:])
+            file.create_dataset("observation", data=scene.observation, chunks=chunks, compression="lzf")
+        if scene.features is not None:
+            file["resnet_feature"] = scene.features[:, None, :]
+        if scene.visible_object is not None:
+            file["visible_object"] = scene.visible_object
+            file["visible_object"].attrs["categories"] = list(scene.categories)
+        file.attrs.update(
+            name=scene.name,
+            room_type=scene.room_type,
+            source=scene.source,
+            encoder=scene.encoder,
+            format_version=FORMAT_VERSION,
+        )
 
 
 def load_scene(path: str | os.PathLike, *, frames: bool = True) -> Scene:

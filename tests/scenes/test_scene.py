@@ -57,6 +57,6 @@ def test_distances_equal_a_plain_breadth_first_search():
         frontier = [start]
         while frontier:
             reached = [int(n) for s in frontier for n in following[s] if int(n) not in seen]
-            seen.update({n: seen[frontier[0]] + 1 for n in reached})
+            seen.update(dict.fromkeys(reached, seen[frontier[0]] + 1))
             frontier = list(dict.fromkeys(reached))
         assert [seen[s] for s in range(scene.n_states)] == scene.shortest_path_distance[start].tolist()
