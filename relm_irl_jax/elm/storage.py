@@ -10,13 +10,14 @@ from typing import Any
 
 import numpy as np
 from safetensors import SafetensorError, safe_open
-from safetensors.numpy import save_file
+from safetensors.numpy import save
 from sklearn.utils.validation import check_is_fitted
 
 from relm_irl_jax.elm.hidden import HiddenLayer
 from relm_irl_jax.elm.mrsr import MRSRPath
 from relm_irl_jax.elm.regressor import Diagnostics, ELMRegressor
 from relm_irl_jax.errors import InputError
+from relm_irl_jax.files import write_bytes
 
 FORMAT = "relm-irl-jax/elm"
 """Name of the file format, in the metadata."""
@@ -57,7 +58,7 @@ def save_elm(model: ELMRegressor, path: str | Path) -> None:
         name: None if isinstance(value, np.random.RandomState) else value for name, value in model.get_params().items()
     }
     text = json.dumps({"parameters": parameters, "values": values}, default=_plain)
-    save_file(tensors, str(path), metadata={"format": FORMAT, "version": str(VERSION), "model": text})
+    write_bytes(Path(path), save(tensors, {"format": FORMAT, "version": str(VERSION), "model": text}))
 
 
 def load_elm(path: str | Path) -> ELMRegressor:

@@ -83,7 +83,13 @@ def press_figure(curve: Float[np.ndarray, "neurons"], chosen: int) -> Figure:
     return figure
 
 
-def reward_maps(scene: Scene, target: int, start: int, rewards: Mapping[str, Float[np.ndarray, "states"]]) -> Figure:
+def reward_maps(
+    scene: Scene,
+    target: int,
+    start: int,
+    rewards: Mapping[str, Float[np.ndarray, "states"]],
+    limits: tuple[float, float] = (-1.0, 0.0),
+) -> Figure:
     """Maps of r(s) over a room, seen from above, one a method.
 
     Each place is a square of four triangles, one a heading. The star is the target and its arrow the heading at which

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from relm_irl_jax.config import Config, Method
-from relm_irl_jax.elm import ELMRegressor
+from relm_irl_jax.elm import ELMRegressor, save_elm
 from relm_irl_jax.irl import reward
 from relm_irl_jax.report.figures import reward_maps, save_figure
 from relm_irl_jax.report.tables import METHOD_NAMES
@@ -65,6 +65,8 @@ def learn(config: Config, scenes: Sequence[Scene], split: TaskSplit, seed: int, 
             "trained": np.asarray([record.trained for record in records]),
         },
     )
+    for method, machine_ in machines.items():
+        save_elm(machine_, folder.rewards(seed, f"{method}.safetensors"))
     regularised = machines["relm-irl"]
     if regularised.press_curve_ is not None:
         neurons = np.arange(1, len(regularised.press_curve_) + 1)
