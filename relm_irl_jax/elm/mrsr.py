@@ -88,7 +88,12 @@ class MRSRSteps(NamedTuple):
     basis: Float[Array, "K samples"]
 
 
+COMPACT = 1024
+"""Rows from which those that have entered are dropped once they are half; each time compiles the loop once more."""
+
+
 class _State(NamedTuple):
+    label: Array  # [m] column that each row stands for: rows are dropped once half of them have entered
     W: Array  # [m, N] columns, as rows, less their part in the basis up to the current panel
     V: Array  # [PANEL, m] products of the panel's basis vectors with the rows of W
     basis: Array  # [K + PANEL, N]
@@ -230,7 +235,7 @@ def _steps(X, T, tolerance, norm) -> MRSRSteps:
             following=following,
             open=open_,
             dependent=state.dependent.at[j].set(~fits),
-            order=state.order.at[k].set(jnp.where(fits, j, 0)),
+            order=state.order.at[k].set(jnp.where(fits, state.label[j], 0)),
             # Steps while nothing enters belong to the last entry: their shares of the way that is left multiply.
             step=state.step.at[last].set(1 - jnp.where(fits, 1, 1 - state.step[last]) * (1 - gamma)),
             correlation=state.correlation.at[k].set(jnp.where(fits, state.c, 0)),
@@ -252,8 +257,23 @@ def _steps(X, T, tolerance, norm) -> MRSRSteps:
             open=state.open & left,
         )
 
+    def compact(state: _State, rows: int) -> _State:
+        """Drop rows that are not open; at most `rows` are, unless the path has ended."""
+        keep = jnp.argsort(~state.open, stable=True)[:rows]
+        return state._replace(
+            label=state.label[keep],
+            W=state.W[keep],
+            V=state.V[:, keep],
+            A=state.A[keep],
+            E=state.E[keep],
+            following=jnp.argmax(keep == state.following).astype(jnp.int32),
+            open=state.open[keep],
+            dependent=state.dependent[keep],
+        )
+
     zero = jnp.zeros((), jnp.int32)
     state = _State(
+        label=jnp.arange(neurons, dtype=jnp.int32),
         W=X.T,
         V=jnp.zeros((PANEL, neurons), X.dtype),
         basis=jnp.zeros((K + PANEL, samples), X.dtype),
@@ -270,13 +290,21 @@ def _steps(X, T, tolerance, norm) -> MRSRSteps:
         in_panel=zero,
         running=c0 > tiny,
     )
+    dependent, done = constant, 0
+    while neurons - done >= COMPACT:
+        half = (neurons - done) // 2
+        done += half
+        state = lax.while_loop(lambda s, done=done: s.running & (s.entered < done), panel, state)
+        dependent = dependent.at[state.label].set(state.dependent)
+        state = compact(state, neurons - done)
     state = lax.while_loop(lambda s: s.running, panel, state)
+    dependent = dependent.at[state.label].set(state.dependent)
     place = jnp.arange(K) < state.entered
     rank = jnp.full(neurons, neurons).at[jnp.where(place, state.order[:K], neurons)].set(jnp.arange(K), mode="drop")
     return MRSRSteps(
         order=jnp.argsort(rank, stable=True),
         entered=state.entered,
-        dependent=state.dependent,
+        dependent=dependent,
         step=state.step[:K],
         correlation=state.correlation[:K],
         basis=state.basis[:K],

@@ -7,6 +7,7 @@ out; the standardisation of inputs and the random weights are fixed beforehand.
 """
 
 from dataclasses import dataclass
+from functools import partial
 from numbers import Integral, Real
 from typing import Any, Literal
 
@@ -49,17 +50,21 @@ class Diagnostics:
     ridge_press: dict[float, float]
 
 
-def _solve(H: Float[Array, "samples neurons"], T: Float[Array, "samples outputs"], ridge: Float[Array, ""] | float):
+@partial(jax.jit, static_argnames="penalised")
+def _solve(
+    H: Float[Array, "samples neurons"],
+    T: Float[Array, "samples outputs"],
+    ridge: Float[Array, ""] | float,
+    penalised: bool,
+):
     """Output weights of centred data by QR, and whether its triangle is well conditioned."""
-    neurons = H.shape[1]
-    stacked = jnp.concatenate([H, jnp.sqrt(ridge) * jnp.eye(neurons, dtype=H.dtype)])
+    stacked = H
+    if penalised:  # rows of zeros would make Householder's QR work on denormal numbers, thirty times as slowly
+        stacked = jnp.concatenate([H, jnp.sqrt(ridge) * jnp.eye(H.shape[1], dtype=H.dtype)])
     Q, R = jnp.linalg.qr(stacked)
     diagonal = jnp.abs(jnp.diagonal(R))
     sound = diagonal.min() > rank_tolerance(*H.shape) * diagonal.max()
     return jax.scipy.linalg.solve_triangular(R, Q[: len(H)].T @ T), sound
-
-
-_solve_jit = jax.jit(_solve)
 
 
 def output_weights(
@@ -80,7 +85,7 @@ def output_weights(
         Hc, Tc = centred(jnp.asarray(H)), jnp.asarray(T - T_mean)
         beta, sound = None, False
         if H.shape[1] and (ridge > 0 or H.shape[1] < len(H)):
-            beta, sound = _solve_jit(Hc, Tc, ridge)
+            beta, sound = _solve(Hc, Tc, ridge, penalised=ridge > 0)
     if not sound:
         # Centring took one direction away; rounding leaves a trace of it, which the default cut-off would keep.
         cut = rank_tolerance(*H.shape)

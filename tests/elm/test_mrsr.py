@@ -1,5 +1,6 @@
 """MRSR against LARS, sign enumeration, hpelm, and the property that defines it."""
 
+import sys
 import warnings
 
 import jax
@@ -106,6 +107,25 @@ def test_fewer_samples_than_columns(norm, rng):
     assert path.entered == 19  # the mean takes one
     assert len(path.dependent) == 26
     assert_equal_correlations(H, T, path)
+
+
+@pytest.mark.parametrize("norm", NORMS)
+def test_dropping_rows_on_the_way_changes_nothing(norm, rng, monkeypatch):
+    H, T = rng.standard_normal((90, 80)), rng.standard_normal((90, 3))
+    H[:, 20] = H[:, 60]
+    H[:, 7] = 1.0
+    module = sys.modules["relm_irl_jax.elm.mrsr"]
+    paths = []
+    for rows in (10, 10**6):
+        monkeypatch.setattr(module, "COMPACT", rows)
+        # A function of its own for each, since jit would give the first one's program to both.
+        fresh = jax.jit(lambda *data, norm: module._steps(*data, norm), static_argnames="norm")
+        monkeypatch.setattr(module, "_steps_jit", fresh)
+        paths.append(mrsr_path(H, T, norm))
+    assert paths[0].order.tolist() == paths[1].order.tolist()
+    assert paths[0].dependent.tolist() == paths[1].dependent.tolist()
+    np.testing.assert_allclose(paths[0].step, paths[1].step, rtol=1e-9)
+    assert_equal_correlations(H, T, paths[0])
 
 
 @pytest.mark.parametrize("norm", NORMS)
