@@ -145,7 +145,7 @@ def _triangles(panel: Axes, scene: Scene, values: Float[np.ndarray, "states"]):
 def _smoothed(values: Float[np.ndarray, "chunks"], width: int = 5) -> Float[np.ndarray, "chunks"]:
     """Running mean that leaves out chunks in which no episode ended."""
     known = np.isfinite(values)
-    window = np.ones(width)
+    window = np.ones(min(width, len(values)))
     count = np.convolve(known, window, "same")
     with np.errstate(invalid="ignore"):
         return np.convolve(np.where(known, values, 0.0), window, "same") / count
