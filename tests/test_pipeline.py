@@ -15,7 +15,7 @@ QUICK = ("--frames", "6000", "--evaluation.episodes", "50", "--elm.hidden", "40"
 
 def relm_irl(*arguments: str, cwd: Path) -> subprocess.CompletedProcess:
     command = [sys.executable, "-W", "error::DeprecationWarning:relm_irl_jax", "-m", "relm_irl_jax", *arguments]
-    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=280, check=False)
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=1200, check=False)
 
 
 @pytest.fixture(scope="module")
