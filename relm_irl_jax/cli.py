@@ -15,7 +15,7 @@ from relm_irl_jax.errors import InputError
 from relm_irl_jax.pipeline import evaluate_run, run
 from relm_irl_jax.report.page import write_report
 from relm_irl_jax.report.tables import console_table
-from relm_irl_jax.runs import find_run, open_run, read_results
+from relm_irl_jax.runs import find_run, read_results
 from relm_irl_jax.scenes.dump import save_scene
 from relm_irl_jax.scenes.rooms import generate_room
 from relm_irl_jax.scenes.scene import ROOM_TYPES
@@ -91,8 +91,8 @@ def _dispatch(arguments: list[str]) -> None:
 
         `--config FILE` reads other defaults from a TOML file. What the run folder already holds is not trained again.
         """
-        results = run(config)
-        _show(results, open_run(config).path)
+        folder, results = run(config)
+        _show(results, folder.path)
 
     @app.command
     def evaluate(command: Annotated[Evaluate, tyro.conf.arg(name="")]) -> None:

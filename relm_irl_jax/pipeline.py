@@ -35,14 +35,14 @@ class Stopwatch:
         self.seconds[stage] = round(self.seconds.get(stage, 0.0) + time.perf_counter() - begun, 2)
 
 
-def run(config: Config) -> dict:
+def run(config: Config) -> tuple[RunFolder, dict]:
     """Train what is not yet trained, evaluate the configuration's task and write the report.
 
     Args:
         config: the configuration.
 
     Returns:
-        The contents of `results.json`.
+        The run folder and the contents of its `results.json`.
 
     Raises:
         InputError: the configuration, the scenes or the run folder cannot be used.
@@ -66,7 +66,7 @@ def run(config: Config) -> dict:
         results = evaluate_task(config, folder, encoded, config.task)
     write_json(folder.file("machine.json"), machine() | {"seconds": stopwatch.seconds})
     write_report(folder, config, results)
-    return results
+    return folder, results
 
 
 def evaluate_run(config: Config, folder: RunFolder, task: str) -> dict:

@@ -167,7 +167,7 @@ def actor_critic_loss(
 ) -> Float32[Array, ""]:
     """Policy-gradient loss, value error and entropy, averaged over steps and workers (Equations 20-22).
 
-        δ_t = (R_t − V(s_t)) / scale
+        δ_t = R_t − V(s_t),   R_t from rewards divided by the return scale
         loss = mean( −log π(a_t|s_t) δ_t + c_v δ_t² − c_e H(π(·|s_t)) )
 
     with δ_t held fixed in the first term. The values behind the rollout's last step and behind a truncated step are
