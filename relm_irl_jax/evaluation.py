@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Int32, PRNGKeyArray
 
 from relm_irl_jax import env
-from relm_irl_jax.agent.networks import FusionTables, Parameters, SiameseActorCritic, policy_and_value, tabulate
+from relm_irl_jax.agent.networks import FusionTables, Parameters, SiameseActorCritic, forward, tabulate
 from relm_irl_jax.agent.rollout import sample_action
 from relm_irl_jax.env import Lane
 from relm_irl_jax.scenes.scene import ACTIONS
@@ -61,7 +61,7 @@ class NetworkPolicy:
         self, key: PRNGKeyArray, state: Int32[Array, "scenes batch"], target: Int32[Array, "scenes batch"]
     ) -> Int32[Array, "scenes batch"]:
         """Return one action a worker."""
-        logits, _ = policy_and_value(self.network, self.parameters, self.tables, state, target, self.head)
+        logits = forward(self.network, self.parameters, self.tables, state, target, self.head).logits
         return jnp.argmax(logits, -1).astype(jnp.int32) if self.greedy else sample_action(key, logits)
 
 

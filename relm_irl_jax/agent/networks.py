@@ -6,7 +6,8 @@
     logits = k P_i + p_i,   value = k q_i + r_i
 
 Views are few and fixed, so z(·)U and z(·)V are computed once per update as tables over all states and all targets
-(`fusion_tables`); a step then costs one look-up, one addition and the head (`heads`). The plain formulation
+(`fusion_tables`); a step then costs one look-up, one addition and the head (`forward`). Acting and learning see the
+same parameters, so the layers computed while acting serve the gradient too (`backward`). The plain formulation
 (`__call__`) is the same function, frame by frame.
 """
 
@@ -16,7 +17,8 @@ from typing import Any, cast
 
 import flax.linen as nn
 import jax
-from jaxtyping import Array, Float32, Int32
+import jax.numpy as jnp
+from jaxtyping import Array, Float32, Int32, Shaped
 
 from relm_irl_jax.scenes.scene import ACTIONS
 
@@ -36,6 +38,24 @@ class FusionTables:
 
     state: Float32[Array, "states width"]
     target: Float32[Array, "targets width"]
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Activations:
+    """A forward pass, with what its backward pass needs.
+
+    Attributes:
+        fused: fusion layer.
+        hidden: layer of the head.
+        logits: action logits.
+        value: values.
+    """
+
+    fused: Float32[Array, "*steps groups batch width"]
+    hidden: Float32[Array, "*steps groups batch width"]
+    logits: Float32[Array, "*steps groups batch 4"]
+    value: Float32[Array, "*steps groups batch"]
 
 
 class SiameseActorCritic(nn.Module):
@@ -80,20 +100,32 @@ class SiameseActorCritic(nn.Module):
         shared = nn.relu(self.shared(features))
         return FusionTables(self.fusion_state(shared), self.fusion_target(shared[target_state]))
 
-    def heads(
-        self, fusion: Float32[Array, "groups batch width"], head: Int32[Array, "groups"]
-    ) -> tuple[Float32[Array, "groups batch 4"], Float32[Array, "groups batch"]]:
-        """Policy and value from the fusion layer's pre-activation, as one batched product over groups.
+    def head_layer(
+        self, fused: Float32[Array, "groups batch width"], head: Int32[Array, "groups"]
+    ) -> Float32[Array, "groups batch width"]:
+        """Layer of the heads before its non-linearity, as one batched product over groups.
 
         Args:
-            fusion: sum of both halves of the fusion layer.
+            fused: fusion layer.
+            head: head that serves each group.
+
+        Returns:
+            The pre-activations.
+        """
+        return fused @ self.head_kernel[head] + self.head_bias[head]
+
+    def readout(
+        self, hidden: Float32[Array, "groups batch width"], head: Int32[Array, "groups"]
+    ) -> tuple[Float32[Array, "groups batch 4"], Float32[Array, "groups batch"]]:
+        """Policy and value from the layer of the heads.
+
+        Args:
+            hidden: layer of the head.
             head: head that serves each group.
 
         Returns:
             Action logits and values.
         """
-        hidden = nn.relu(fusion)
-        hidden = nn.relu(hidden @ self.head_kernel[head] + self.head_bias[head])
         logits = hidden @ self.policy_kernel[head] + self.policy_bias[head]
         value = hidden @ self.value_kernel[head] + self.value_bias[head]
         return logits, value[..., 0]
@@ -115,7 +147,8 @@ class SiameseActorCritic(nn.Module):
             Action logits and values.
         """
         current, wanted = nn.relu(self.shared(view)), nn.relu(self.shared(target))
-        return self.heads(self.fusion_state(current) + self.fusion_target(wanted), head)
+        fused = nn.relu(self.fusion_state(current) + self.fusion_target(wanted))
+        return self.readout(nn.relu(self.head_layer(fused, head)), head)
 
 
 def tabulate(
@@ -138,15 +171,15 @@ def tabulate(
     return cast(FusionTables, network.apply(parameters, features, target_state, method="fusion_tables"))
 
 
-def policy_and_value(
+def forward(
     network: SiameseActorCritic,
     parameters: Parameters,
     tables: FusionTables,
     state: Int32[Array, "groups batch"],
     target: Int32[Array, "groups batch"],
     head: Int32[Array, "groups"],
-) -> tuple[Float32[Array, "groups batch 4"], Float32[Array, "groups batch"]]:
-    """Look up the tables and apply `SiameseActorCritic.heads`.
+) -> Activations:
+    """Look up the tables and compute the heads.
 
     Args:
         network: the network. Static.
@@ -157,7 +190,71 @@ def policy_and_value(
         head: head that serves each group.
 
     Returns:
-        Action logits and values.
+        Policy, value and the layers below.
     """
-    fusion = tables.state[state] + tables.target[target]
-    return cast(tuple[Array, Array], network.apply(parameters, fusion, head, method="heads"))
+    fused = nn.relu(tables.state[state] + tables.target[target])
+    hidden = nn.relu(network.apply(parameters, fused, head, method="head_layer"))
+    logits, value = cast(tuple[Array, Array], network.apply(parameters, hidden, head, method="readout"))
+    return Activations(fused, cast(Array, hidden), logits, value)
+
+
+def backward(
+    network: SiameseActorCritic,
+    parameters: Parameters,
+    tables: FusionTables,
+    state: Int32[Array, "time groups batch"],
+    target: Int32[Array, "time groups batch"],
+    head: Int32[Array, "groups"],
+    activations: Activations,
+    of_logits: Float32[Array, "time groups batch 4"],
+    of_value: Float32[Array, "time groups batch"],
+) -> tuple[Parameters, FusionTables]:
+    """Gradient of a loss from its gradient in logits and values, without computing the forward pass again.
+
+    The products that `jax.vjp` evaluates along the way have no reader, and the compiler drops them.
+
+    Args:
+        network: the network. Static.
+        parameters: θ.
+        tables: both halves of the fusion layer.
+        state: states in the world.
+        target: rows of the targets.
+        head: head that serves each group.
+        activations: forward passes at these states and targets.
+        of_logits: gradient of the loss in the logits.
+        of_value: gradient of the loss in the values.
+
+    Returns:
+        Gradient in θ but through the tables, and gradient in the tables.
+    """
+
+    def pull(method: str, layer: Array, gradient: Array | tuple[Array, Array]) -> tuple[Parameters, Array]:
+        """Gradient in θ and in the layer, of which nothing passes where it is cut off at zero."""
+        apply = lambda parameters, layer: network.apply(parameters, layer, head, method=method)  # noqa: E731
+        _, transposed = jax.vjp(apply, parameters, layer)
+        of_parameters, of_layer = transposed(gradient)
+        return of_parameters, jnp.where(layer > 0, of_layer, 0)
+
+    fused, hidden, of_logits, of_value, state, target = (
+        by_group(x) for x in (activations.fused, activations.hidden, of_logits, of_value, state, target)
+    )
+    of_readout, of_hidden = pull("readout", hidden, (of_logits, of_value))
+    of_layer, of_fused = pull("head_layer", fused, of_hidden)
+    of_tables = FusionTables(
+        state=jnp.zeros_like(tables.state).at[state].add(of_fused),
+        target=jnp.zeros_like(tables.target).at[target].add(of_fused),
+    )
+    return jax.tree.map(jnp.add, of_readout, of_layer), of_tables
+
+
+def by_group(x: Shaped[Array, "time groups batch *rest"]) -> Shaped[Array, "groups time*batch *rest"]:
+    """Fold time into the batch, so that every group is one large product.
+
+    Args:
+        x: values of all workers over time.
+
+    Returns:
+        The same values, group by group.
+    """
+    time, groups, batch, *rest = x.shape
+    return jnp.moveaxis(x, 0, 1).reshape(groups, time * batch, *rest)

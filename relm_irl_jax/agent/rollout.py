@@ -8,12 +8,13 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float32, Int32, PRNGKeyArray
 
 from relm_irl_jax import env
+from relm_irl_jax.agent.networks import Activations
 from relm_irl_jax.env import Episode, Lane
 from relm_irl_jax.rewards.model import RewardModel
 from relm_irl_jax.world import Targets, World
 
-Logits = Callable[[Int32[Array, "groups batch"], Int32[Array, "groups batch"]], Float32[Array, "groups batch 4"]]
-"""Action logits for states and targets of all workers."""
+Network = Callable[[Int32[Array, "groups batch"], Int32[Array, "groups batch"]], Activations]
+"""Forward pass for states and targets of all workers."""
 
 
 @jax.tree_util.register_dataclass
@@ -29,6 +30,7 @@ class Experience:
         next_state: state after the action, also where the episode ended.
         terminated: the action reached the target.
         truncated: the action was the episode's last allowed one.
+        activations: the network's forward pass at the state.
     """
 
     state: Int32[Array, "time groups batch"]
@@ -38,6 +40,7 @@ class Experience:
     next_state: Int32[Array, "time groups batch"]
     terminated: Bool[Array, "time groups batch"]
     truncated: Bool[Array, "time groups batch"]
+    activations: Activations
 
 
 @jax.tree_util.register_dataclass
@@ -77,7 +80,7 @@ def sample_action(key: PRNGKeyArray, logits: Float32[Array, "*batch 4"]) -> Int3
 
 def rollout(
     key: PRNGKeyArray,
-    logits: Logits,
+    network: Network,
     episode: Episode,
     lane: Lane,
     world: World,
@@ -90,7 +93,7 @@ def rollout(
 
     Args:
         key: source of randomness.
-        logits: the policy.
+        network: the forward pass, whose logits are the policy.
         episode: where each worker stands; every field is [groups, batch].
         lane: targets that each worker may be sent to; every field is [groups, batch].
         world: the scenes.
@@ -106,7 +109,8 @@ def rollout(
 
     def advance(episode: Episode, key: PRNGKeyArray) -> tuple[Episode, tuple[Experience, EpisodeSums]]:
         action_key, reset_key = jax.random.split(key)
-        action = sample_action(action_key, logits(episode.state, episode.target))
+        activations = network(episode.state, episode.target)
+        action = sample_action(action_key, activations.logits)
         after, transition = over_workers(lambda e, a: env.step(e, a, world, targets, cap))(episode, action)
         reward = over_workers(lambda t: reward_model(t, world, targets))(transition)
         done = transition.terminated | transition.truncated
@@ -130,6 +134,7 @@ def rollout(
             next_state=transition.next_state,
             terminated=transition.terminated,
             truncated=transition.truncated,
+            activations=activations,
         )
         return following, (experience, sums)
 

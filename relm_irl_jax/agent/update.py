@@ -11,9 +11,9 @@ from typing import cast
 import jax
 import jax.numpy as jnp
 import optax
-from jaxtyping import Array, Bool, Float32, PRNGKeyArray
+from jaxtyping import Array, Bool, Float32, Int32, PRNGKeyArray
 
-from relm_irl_jax.agent.networks import FusionTables, Parameters, SiameseActorCritic, policy_and_value, tabulate
+from relm_irl_jax.agent.networks import Parameters, SiameseActorCritic, backward, forward, tabulate
 from relm_irl_jax.agent.rollout import EpisodeSums, Experience, rollout
 from relm_irl_jax.agent.settings import AgentSettings
 from relm_irl_jax.env import Episode, Lane
@@ -123,18 +123,13 @@ def update(
         The next state of training, and sums over the episodes that ended.
     """
     key, rollout_key = jax.random.split(learner.key)
-    world, targets = setting.world, setting.targets
+    world, targets, parameters = setting.world, setting.targets, learner.parameters
     heads = jnp.arange(network.n_heads)
-
-    def evaluate(parameters: Parameters, tables: FusionTables, state: Array, target: Array) -> tuple[Array, Array]:
-        return policy_and_value(network, parameters, tables, state, target, heads)
-
-    tables, pull_back = jax.vjp(
-        lambda parameters: tabulate(network, parameters, world.features, targets.state), learner.parameters
-    )
+    tables, pull_back = jax.vjp(lambda theta: tabulate(network, theta, world.features, targets.state), parameters)
+    at = lambda state, target: forward(network, parameters, tables, state, target, heads)  # noqa: E731
     episode, experience, sums = rollout(
         rollout_key,
-        lambda state, target: evaluate(learner.parameters, tables, state, target)[0],
+        at,
         learner.episode,
         setting.lane,
         world,
@@ -143,24 +138,59 @@ def update(
         jnp.int32(cap),
         settings.t_max,
     )
-
-    def loss(parameters: Parameters, tables: FusionTables) -> Array:
-        return actor_critic_loss(
-            lambda state, target: evaluate(parameters, tables, state, target),
-            experience,
-            setting.return_scale,
-            settings,
-        )
-
-    of_heads, of_tables = jax.grad(loss, argnums=(0, 1))(learner.parameters, tables)
+    next_value = values_behind(lambda state, target: at(state, target).value, experience)
+    of_outputs = jax.grad(actor_critic_loss, argnums=(0, 1))(
+        experience.activations.logits,
+        experience.activations.value,
+        next_value,
+        experience,
+        setting.return_scale,
+        settings,
+    )
+    of_heads, of_tables = backward(
+        network,
+        parameters,
+        tables,
+        experience.state,
+        experience.target,
+        heads,
+        experience.activations,
+        *of_outputs,
+    )
     gradient = jax.tree.map(jnp.add, of_heads, pull_back(of_tables)[0])
-    change, optimiser = optimiser_of(settings).update(gradient, learner.optimiser, learner.parameters)
-    parameters = cast(Parameters, optax.apply_updates(learner.parameters, change))
-    return Learner(parameters, optimiser, episode, key), sums
+    change, optimiser = optimiser_of(settings).update(gradient, learner.optimiser, parameters)
+    return Learner(cast(Parameters, optax.apply_updates(parameters, change)), optimiser, episode, key), sums
+
+
+def values_behind(
+    value: Callable[[Int32[Array, "groups batch"], Int32[Array, "groups batch"]], Float32[Array, "groups batch"]],
+    experience: Experience,
+) -> Float32[Array, "time groups batch"]:
+    """Value of the state after each step, before any reset.
+
+    Within an episode it is known from the next step; behind the rollout's last step and behind a truncated one it is
+    computed here. Since the cap is not below t_max, a worker is truncated at most once in a rollout.
+
+    Args:
+        value: maps states and targets to values.
+        experience: the steps.
+
+    Returns:
+        The values; behind a step that reached the target, any number.
+    """
+    cut = jnp.argmax(experience.truncated, axis=0)[None]
+    behind_cut = value(
+        jnp.take_along_axis(experience.next_state, cut, 0)[0], jnp.take_along_axis(experience.target, cut, 0)[0]
+    )
+    behind_last = value(experience.next_state[-1], experience.target[-1])
+    following = jnp.where(experience.truncated[:-1], behind_cut, experience.activations.value[1:])
+    return jnp.concatenate([following, behind_last[None]])
 
 
 def actor_critic_loss(
-    outputs: Callable[[Array, Array], tuple[Array, Array]],
+    logits: Float32[Array, "time groups batch 4"],
+    value: Float32[Array, "time groups batch"],
+    next_value: Float32[Array, "time groups batch"],
     experience: Experience,
     return_scale: Float32[Array, ""],
     settings: AgentSettings,
@@ -170,11 +200,12 @@ def actor_critic_loss(
         δ_t = R_t − V(s_t),   R_t from rewards divided by the return scale
         loss = mean( −log π(a_t|s_t) δ_t + c_v δ_t² − c_e H(π(·|s_t)) )
 
-    with δ_t held fixed in the first term. The values behind the rollout's last step and behind a truncated step are
-    evaluated apart; since the cap is not below t_max, a worker is truncated at most once in a rollout.
+    with δ_t held fixed in the first term and R_t in both.
 
     Args:
-        outputs: maps states and targets [groups, batch] to logits and values.
+        logits: action logits at each step.
+        value: values at each step.
+        next_value: value of the state after each step.
         experience: the steps.
         return_scale: divisor of returns.
         settings: the agent's settings.
@@ -182,21 +213,6 @@ def actor_critic_loss(
     Returns:
         The loss.
     """
-    groups, batch = experience.state.shape[1:]
-
-    def evaluate(state: Array, target: Array) -> tuple[Array, Array]:
-        """Fold time into the batch, so that every group is one large product."""
-        folded = [jnp.moveaxis(x, 0, 1).reshape(groups, -1) for x in (state, target)]
-        unfold = lambda y: jnp.moveaxis(y.reshape(groups, -1, batch, *y.shape[2:]), 1, 0)  # noqa: E731
-        logits, value = outputs(folded[0], folded[1])
-        return unfold(logits), unfold(value)
-
-    logits, value = evaluate(experience.state, experience.target)
-    cut = jnp.argmax(experience.truncated, axis=0)[None]
-    behind = [experience.next_state[-1:], jnp.take_along_axis(experience.next_state, cut, 0)]
-    whose = [experience.target[-1:], jnp.take_along_axis(experience.target, cut, 0)]
-    _, (behind_last, behind_cut) = evaluate(jnp.concatenate(behind), jnp.concatenate(whose))
-    next_value = jnp.concatenate([jnp.where(experience.truncated[:-1], behind_cut, value[1:]), behind_last[None]])
     returns = n_step_returns(
         experience.reward / return_scale,
         experience.terminated,

@@ -24,6 +24,7 @@ The 1-norm is the paper's. The 2-norm does not depend on a rotation of the outpu
 two orders differ.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
@@ -100,6 +101,7 @@ class _State(NamedTuple):
     A: Array  # [m, p] correlations with the residual T-Y
     E: Array  # [m, p] correlations with the least-squares residual T-Ȳ
     c: Array  # correlation of the active columns
+    c0: Array  # the first of these
     following: Array  # column to enter next
     open: Array  # [m] neither entered nor found dependent
     dependent: Array  # [m]
@@ -184,20 +186,55 @@ def mrsr_steps(
 
 def _steps(X, T, tolerance, norm) -> MRSRSteps:
     """`mrsr_steps` of standardised data; zero rows and columns may pad them."""
+    state = _begin(X, T, norm)
+    dependent, done = state.dependent, 0
+    neurons = X.shape[1]
+    while neurons - done >= COMPACT:
+        done += (neurons - done) // 2
+        state = _advance(state, T, tolerance, done, norm)
+        state, dependent = _compact(state, dependent, neurons - done)
+    state = _advance(state, T, tolerance, min(X.shape), norm)
+    return _finish(state, dependent)
+
+
+def _size(A, norm):
+    """Norm of the correlations of every column."""
+    return jnp.abs(A).sum(axis=-1) if norm == 1 else jnp.linalg.norm(A, axis=-1)
+
+
+def _begin(X, T, norm) -> _State:
+    """Nothing has entered; the column of the largest correlation is due."""
     samples, neurons = X.shape
-    tiny = jnp.finfo(X.dtype).tiny
     K = min(samples, neurons)
-    crossing, size = (
-        (_crossing_1, lambda a: jnp.abs(a).sum(axis=-1))
-        if norm == 1
-        else (_crossing_2, lambda a: jnp.linalg.norm(a, axis=-1))
+    A = X.T @ T
+    size = _size(A, norm)
+    start = jnp.argmax(size).astype(jnp.int32)
+    constant = ~jnp.any(X != 0, axis=0)
+    return _State(
+        label=jnp.arange(neurons, dtype=jnp.int32),
+        W=X.T,
+        V=jnp.zeros((PANEL, neurons), X.dtype),
+        basis=jnp.zeros((K + PANEL, samples), X.dtype),
+        A=A,
+        E=A,
+        c=size[start],
+        c0=size[start],
+        following=start,
+        open=~constant,
+        dependent=constant,
+        order=jnp.zeros(K + PANEL, jnp.int32),
+        step=jnp.zeros(K + PANEL, X.dtype),
+        correlation=jnp.zeros(K + PANEL, X.dtype),
+        entered=jnp.zeros((), jnp.int32),
+        in_panel=jnp.zeros((), jnp.int32),
+        running=size[start] > jnp.finfo(X.dtype).tiny,
     )
 
-    A = X.T @ T
-    first = size(A)
-    start = jnp.argmax(first)
-    c0 = first[start]
-    constant = ~jnp.any(X != 0, axis=0)
+
+def _advance(state: _State, T, tolerance, until, norm) -> _State:
+    """Enter columns, in whole panels, until `until` have entered or the path ends."""
+    K = len(state.step) - PANEL
+    crossing = _crossing_1 if norm == 1 else _crossing_2
 
     def enter(state: _State) -> _State:
         """Enter the column that is due, or mark it dependent, and move to the next crossing."""
@@ -241,7 +278,7 @@ def _steps(X, T, tolerance, norm) -> MRSRSteps:
             correlation=state.correlation.at[k].set(jnp.where(fits, state.c, 0)),
             entered=k + new,
             in_panel=i + new,
-            running=~ends & (c > tolerance * c0) & (k + new < K),
+            running=~ends & (c > tolerance * state.c0) & (k + new < K),
         )
 
     def panel(state: _State) -> _State:
@@ -257,61 +294,62 @@ def _steps(X, T, tolerance, norm) -> MRSRSteps:
             open=state.open & left,
         )
 
-    def compact(state: _State, rows: int) -> _State:
-        """Drop rows that are not open; at most `rows` are, unless the path has ended."""
-        keep = jnp.argsort(~state.open, stable=True)[:rows]
-        return state._replace(
-            label=state.label[keep],
-            W=state.W[keep],
-            V=state.V[:, keep],
-            A=state.A[keep],
-            E=state.E[keep],
-            following=jnp.argmax(keep == state.following).astype(jnp.int32),
-            open=state.open[keep],
-            dependent=state.dependent[keep],
-        )
+    return lax.while_loop(lambda s: s.running & (s.entered < until), panel, state)
 
-    zero = jnp.zeros((), jnp.int32)
-    state = _State(
-        label=jnp.arange(neurons, dtype=jnp.int32),
-        W=X.T,
-        V=jnp.zeros((PANEL, neurons), X.dtype),
-        basis=jnp.zeros((K + PANEL, samples), X.dtype),
-        A=A,
-        E=A,
-        c=c0,
-        following=start.astype(jnp.int32),
-        open=~constant,
-        dependent=constant,
-        order=jnp.zeros(K + PANEL, jnp.int32),
-        step=jnp.zeros(K + PANEL, X.dtype),
-        correlation=jnp.zeros(K + PANEL, X.dtype),
-        entered=zero,
-        in_panel=zero,
-        running=c0 > tiny,
+
+def _compact(state: _State, dependent, rows: int) -> tuple[_State, Array]:
+    """Drop rows that are not open, of which at most `rows` are unless the path has ended; note which were dependent."""
+    keep = jnp.argsort(~state.open, stable=True)[:rows]
+    kept = state._replace(
+        label=state.label[keep],
+        W=state.W[keep],
+        V=state.V[:, keep],
+        A=state.A[keep],
+        E=state.E[keep],
+        following=jnp.argmax(keep == state.following).astype(jnp.int32),
+        open=state.open[keep],
+        dependent=state.dependent[keep],
     )
-    dependent, done = constant, 0
-    while neurons - done >= COMPACT:
-        half = (neurons - done) // 2
-        done += half
-        state = lax.while_loop(lambda s, done=done: s.running & (s.entered < done), panel, state)
-        dependent = dependent.at[state.label].set(state.dependent)
-        state = compact(state, neurons - done)
-    state = lax.while_loop(lambda s: s.running, panel, state)
-    dependent = dependent.at[state.label].set(state.dependent)
+    return kept, dependent.at[state.label].set(state.dependent)
+
+
+def _finish(state: _State, dependent) -> MRSRSteps:
+    """Put the columns that never entered behind those that did."""
+    neurons, K = len(dependent), len(state.step) - PANEL
     place = jnp.arange(K) < state.entered
     rank = jnp.full(neurons, neurons).at[jnp.where(place, state.order[:K], neurons)].set(jnp.arange(K), mode="drop")
     return MRSRSteps(
         order=jnp.argsort(rank, stable=True),
         entered=state.entered,
-        dependent=dependent,
+        dependent=dependent.at[state.label].set(state.dependent),
         step=state.step[:K],
         correlation=state.correlation[:K],
         basis=state.basis[:K],
     )
 
 
-_steps_jit = jax.jit(_steps, static_argnames="norm")
+_begin_jit = jax.jit(_begin, static_argnames="norm")
+_advance_jit = jax.jit(_advance, static_argnames="norm", donate_argnums=0)
+_compact_jit = jax.jit(_compact, static_argnames="rows", donate_argnums=0)
+_finish_jit = jax.jit(_finish)
+
+
+def _steps_from_host(X, T, tolerance, norm, report: Callable[[int], None]) -> MRSRSteps:
+    """`_steps`, one program a panel, so that the host can say how far it is."""
+    samples, neurons = X.shape
+    state = _begin_jit(X, T, norm=norm)
+    dependent, done, entered = jnp.copy(state.dependent), 0, 0  # the state is donated
+    while True:
+        last = neurons - done < COMPACT
+        done += (neurons - done) // 2
+        until = min(samples, neurons) if last else done
+        while state.running and entered < until:
+            state = _advance_jit(state, T, tolerance, min(entered + PANEL, until), norm=norm)
+            report(int(state.entered) - entered)
+            entered = int(state.entered)
+        if last:
+            return _finish_jit(state, dependent)
+        state, dependent = _compact_jit(state, dependent, rows=neurons - done)
 
 
 def mrsr_path(H: Any, T: Any, norm: int = 1) -> MRSRPath:
@@ -332,8 +370,13 @@ def mrsr_path(H: Any, T: Any, norm: int = 1) -> MRSRPath:
     return path
 
 
-def path_and_basis(H: Any, T: Any, norm: int) -> tuple[MRSRPath, Float[Array, "entered samples"]]:
-    """`mrsr_path` and the orthonormal basis of the centred columns in its order, for who goes on with it."""
+def path_and_basis(
+    H: Any, T: Any, norm: int, report: Callable[[int], None] = lambda entered: None
+) -> tuple[MRSRPath, Float[Array, "entered samples"]]:
+    """`mrsr_path` and the orthonormal basis of the centred columns in its order, for who goes on with it.
+
+    `report` is called with the number of columns that entered since its last call.
+    """
     H, T = finite_pair(H, T)
     if norm not in (1, 2):
         raise InputError(f"norm must be 1 or 2, not {norm!r}.")
@@ -342,7 +385,7 @@ def path_and_basis(H: Any, T: Any, norm: int) -> tuple[MRSRPath, Float[Array, "e
     if norm == 2:
         T = _rotated(T)
     with float64():
-        steps = _steps_jit(padded(X), padded(T), rank_tolerance(samples, neurons), norm=norm)
+        steps = _steps_from_host(padded(X), padded(T), rank_tolerance(samples, neurons), norm, report)
     entered = int(steps.entered)
     order = np.asarray(steps.order)
     path = MRSRPath(

@@ -6,6 +6,7 @@ keeps the prefix with the least error. The intercept b is fitted with β, never 
 out; the standardisation of inputs and the random weights are fixed beforehand.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from numbers import Integral, Real
@@ -167,12 +168,13 @@ class ELMRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
             if not valid:
                 raise InputError(f"{name} must be {what}, not {getattr(self, name)!r}.")
 
-    def fit(self, X: Any, y: Any) -> "ELMRegressor":
+    def fit(self, X: Any, y: Any, report: Callable[[int], None] = lambda entered: None) -> "ELMRegressor":
         """Draw the hidden layer, order and select neurons, and solve for the output weights.
 
         Args:
             X: inputs, one row per sample.
             y: targets, one row or one number per sample.
+            report: called with the number of neurons that MRSR ordered since its last call.
 
         Returns:
             Itself.
@@ -187,7 +189,7 @@ class ELMRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         H = layer(X)
         count = H.shape[1]
 
-        path, basis = path_and_basis(H, T, self.norm) if self.ordering == "mrsr" else (None, None)
+        path, basis = path_and_basis(H, T, self.norm, report) if self.ordering == "mrsr" else (None, None)
         self.mrsr_: MRSRPath | None = path
         self.order_ = np.arange(count) if path is None else path.order
         presses = self._presses(H[:, self.order_], T, path, basis)

@@ -1,16 +1,18 @@
 """Returns, loss and gradients of the actor-critic against hand computation and the plain formulation."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from builders import grid_scene
 
-from relm_irl_jax.agent.networks import SiameseActorCritic, policy_and_value, tabulate
+from relm_irl_jax.agent.networks import Activations, SiameseActorCritic, backward, forward, tabulate
 from relm_irl_jax.agent.rollout import Experience, rollout, sample_action
 from relm_irl_jax.agent.settings import AgentSettings
 from relm_irl_jax.agent.train import begin, run_chunk, train, worker_lanes
-from relm_irl_jax.agent.update import Setting, actor_critic_loss, n_step_returns
+from relm_irl_jax.agent.update import Setting, actor_critic_loss, n_step_returns, values_behind
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.rewards.model import ManualReward
 from relm_irl_jax.tasks import Target
@@ -45,30 +47,36 @@ def room(n_features: int = 12):
     return build_world(scenes, [0, 1]), build_targets(scenes, [Target(0, 3), Target(0, 9), Target(1, 20)])
 
 
-def test_tables_equal_the_plain_network_in_outputs_and_gradients():
+def test_tables_and_recorded_activations_equal_the_plain_network():
+    """Outputs and gradients, against every frame through the whole network."""
     world, targets = room()
     network = SiameseActorCritic(n_heads=2, width=16)
     head = jnp.arange(2)
-    view = world.features[jnp.asarray([[1, 5, 5], [17, 20, 39]])]
-    wanted = world.features[targets.state[jnp.asarray([[0, 1, 1], [2, 2, 2]])]]
-    parameters = network.init(jax.random.key(1), view, wanted, head)
+    state = jnp.asarray([[[1, 5, 5], [17, 20, 39]], [[2, 5, 0], [18, 20, 16]]])
+    target = jnp.asarray([[[0, 1, 1], [2, 2, 2]], [[0, 1, 0], [2, 2, 2]]])
+    wanted = world.features[targets.state[target]]
+    parameters = network.init(jax.random.key(1), world.features[state[0]], wanted[0], head)
     parameters = jax.tree.map(lambda p: p + 0.1 * jax.random.normal(jax.random.key(p.size), p.shape), parameters)
 
+    def loss(logits, value):
+        return jnp.sin(logits).sum() + jnp.cos(value).sum()
+
     def plain(parameters):
-        logits, value = network.apply(parameters, view, wanted, head)
-        return (jnp.sin(logits).sum() + jnp.cos(value).sum()), (logits, value)
+        outputs = [network.apply(parameters, world.features[state[t]], wanted[t], head) for t in range(2)]
+        logits, value = (jnp.stack(x) for x in zip(*outputs, strict=True))
+        return loss(logits, value), (logits, value)
 
-    def tabled(parameters):
-        tables = tabulate(network, parameters, world.features, targets.state)
-        state, target = jnp.asarray([[1, 5, 5], [17, 20, 39]]), jnp.asarray([[0, 1, 1], [2, 2, 2]])
-        logits, value = policy_and_value(network, parameters, tables, state, target, head)
-        return (jnp.sin(logits).sum() + jnp.cos(value).sum()), (logits, value)
-
-    (_, outputs), gradients = jax.value_and_grad(plain, has_aux=True)(parameters)
-    (_, tabled_outputs), tabled_gradients = jax.value_and_grad(tabled, has_aux=True)(parameters)
-    for a, b in zip(
-        jax.tree.leaves((outputs, gradients)), jax.tree.leaves((tabled_outputs, tabled_gradients)), strict=True
-    ):
+    (_, (logits, value)), gradient = jax.value_and_grad(plain, has_aux=True)(parameters)
+    tables, pull_back = jax.vjp(lambda theta: tabulate(network, theta, world.features, targets.state), parameters)
+    recorded = [forward(network, parameters, tables, state[t], target[t], head) for t in range(2)]
+    recorded = jax.tree.map(lambda *x: jnp.stack(x), *recorded)
+    np.testing.assert_allclose(recorded.logits, logits, atol=1e-5, rtol=1e-5)
+    np.testing.assert_allclose(recorded.value, value, atol=1e-5, rtol=1e-5)
+    of_outputs = jax.grad(loss, argnums=(0, 1))(recorded.logits, recorded.value)
+    of_heads, of_tables = backward(network, parameters, tables, state, target, head, recorded, *of_outputs)
+    for path, a in jax.tree.leaves_with_path(jax.tree.map(jnp.add, of_heads, pull_back(of_tables)[0])):
+        b = dict(jax.tree.leaves_with_path(gradient))[path]
+        assert jnp.abs(b).max() > 0, path
         np.testing.assert_allclose(a, b, atol=1e-5, rtol=1e-5)
 
 
@@ -86,12 +94,17 @@ def setting_and_learner(settings):
     return Setting(world, targets, lane, STEP_COST, jnp.float32(10.0)), learner, network
 
 
+def indifferent(state, target):
+    nothing = jnp.zeros((*state.shape, 0))
+    return Activations(nothing, nothing, jnp.zeros((*state.shape, 4)), jnp.zeros(state.shape))
+
+
 def test_rollout_counts_every_episode_and_redraws_start_and_target():
     settings = AgentSettings(workers=64, t_max=40, width=8)
     setting, learner, _ = setting_and_learner(settings)
     _, experience, sums = rollout(
         jax.random.key(3),
-        lambda state, target: jnp.zeros((*state.shape, 4)),
+        indifferent,
         learner.episode,
         setting.lane,
         setting.world,
@@ -130,9 +143,16 @@ def test_loss_equals_a_hand_written_loop():
         next_state=column(next_state, jnp.int32),
         terminated=column([False, False, True, False], bool),
         truncated=column([False, True, False, False], bool),
+        activations=Activations(
+            fused=jnp.zeros((4, 1, 1, 0)),
+            hidden=jnp.zeros((4, 1, 1, 0)),
+            logits=jnp.asarray(logits[state], jnp.float32).reshape(4, 1, 1, 4),
+            value=column(value[state], jnp.float32),
+        ),
     )
-    table = jnp.asarray(logits, jnp.float32), jnp.asarray(value, jnp.float32)
-    loss = actor_critic_loss(lambda s, t: (table[0][s], table[1][s]), experience, jnp.float32(2.0), settings)
+    next_value = values_behind(lambda s, t: jnp.asarray(value, jnp.float32)[s], experience)
+    acting = experience.activations
+    loss = actor_critic_loss(acting.logits, acting.value, next_value, experience, jnp.float32(2.0), settings)
 
     last = 0.125 + 0.9 * value[9]
     third = 1.0
@@ -153,7 +173,7 @@ def test_gradient_over_workers_is_the_mean_of_single_workers():
     world, targets = setting.world, setting.targets
     _, experience, _ = rollout(
         jax.random.key(4),
-        lambda s, t: jnp.zeros((*s.shape, 4)),
+        indifferent,
         learner.episode,
         setting.lane,
         world,
@@ -166,8 +186,11 @@ def test_gradient_over_workers_is_the_mean_of_single_workers():
     def gradient(experience):
         def loss(parameters):
             tables = tabulate(network, parameters, world.features, targets.state)
-            outputs = lambda s, t: policy_and_value(network, parameters, tables, s, t, jnp.arange(2))  # noqa: E731
-            return actor_critic_loss(outputs, experience, jnp.float32(10.0), settings)
+            at = lambda s, t: forward(network, parameters, tables, s, t, jnp.arange(2))  # noqa: E731
+            acting = jax.vmap(at)(experience.state, experience.target)
+            seen = dataclasses.replace(experience, activations=acting)
+            next_value = values_behind(lambda s, t: at(s, t).value, seen)
+            return actor_critic_loss(acting.logits, acting.value, next_value, seen, jnp.float32(10.0), settings)
 
         return jax.grad(loss)(learner.parameters)
 
