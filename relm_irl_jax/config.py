@@ -19,9 +19,12 @@ from relm_irl_jax.scenes.catalog import ROOMS, SceneSettings
 from relm_irl_jax.tasks import EvaluationSettings, TaskSettings
 
 Task = Literal["I", "II", "III"]
-Method = Literal["random", "rl", "irl", "elm-irl", "relm-irl"]
-METHODS: tuple[Method, ...] = ("random", "rl", "irl", "elm-irl", "relm-irl")
-"""All methods, in the order of the paper's tables."""
+Method = Literal["random", "bc", "rl", "irl", "elm-irl", "relm-irl"]
+METHODS: tuple[Method, ...] = ("random", "bc", "rl", "irl", "elm-irl", "relm-irl")
+"""Every method, in the order of the tables."""
+
+PAPER_METHODS: tuple[Method, ...] = ("random", "rl", "irl", "elm-irl", "relm-irl")
+"""What `all` means: the methods of the paper."""
 
 NOT_TRAINED = ("task", "methods", "seeds", "run", "evaluation")
 """Fields that trained agents do not depend on; the others must agree for a run folder to be continued."""
@@ -33,8 +36,8 @@ class Config:
 
     task: Task = "II"
     """Task evaluated after training; training itself does not depend on it."""
-    methods: tuple[Literal["all", "random", "rl", "irl", "elm-irl", "relm-irl"], ...] = ("all",)
-    """Methods to train and evaluate."""
+    methods: tuple[Literal["all", "random", "bc", "rl", "irl", "elm-irl", "relm-irl"], ...] = ("all",)
+    """Methods to train and evaluate: `all` of the paper's, and behaviour cloning, `bc`, where it is named."""
     scenes: str = ROOMS
     """`rooms` for the built-in scenes, or a folder of HDF5 scene files."""
     seeds: PositiveInt = 1
@@ -61,8 +64,9 @@ class Config:
     """Evaluation."""
 
     def chosen_methods(self) -> tuple[Method, ...]:
-        """Methods asked for, in the order of the paper's tables."""
-        return METHODS if "all" in self.methods else tuple(m for m in METHODS if m in self.methods)
+        """Methods asked for, in the order of the tables."""
+        chosen = {*self.methods, *(PAPER_METHODS if "all" in self.methods else ())}
+        return tuple(m for m in METHODS if m in chosen)
 
 
 _ADAPTER = TypeAdapter(Config)

@@ -70,6 +70,18 @@ def test_a_finished_run_is_evaluated_without_training(first, folder):
     assert weights.stat().st_mtime_ns == before
 
 
+def test_a_run_is_continued_with_another_method(first, folder):
+    """Behaviour cloning joins, and nothing that was trained is trained again."""
+    weights = folder / "one" / "agents" / "rl-seed-0.safetensors"
+    before = weights.stat().st_mtime_ns
+    done = relm_irl("train", "--config", str(EXPERIMENT), "--run", "one", *QUICK, "--methods", "all", "bc", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    assert weights.stat().st_mtime_ns == before
+    rows = json.loads((folder / "one" / "results.json").read_text())["rows"]
+    assert {row["method"] for row in rows} == {"random", "bc", "rl", "irl", "elm-irl", "relm-irl"}
+    assert "BC" in (folder / "one" / "report.md").read_text()
+
+
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [

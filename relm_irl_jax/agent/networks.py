@@ -193,9 +193,9 @@ def forward(
         Policy, value and the layers below.
     """
     fused = nn.relu(tables.state[state] + tables.target[target])
-    hidden = nn.relu(network.apply(parameters, fused, head, method="head_layer"))
+    hidden = nn.relu(cast(Array, network.apply(parameters, fused, head, method="head_layer")))
     logits, value = cast(tuple[Array, Array], network.apply(parameters, hidden, head, method="readout"))
-    return Activations(fused, cast(Array, hidden), logits, value)
+    return Activations(fused, hidden, logits, value)
 
 
 def backward(

@@ -7,7 +7,7 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float64
+from jaxtyping import Float64, PRNGKeyArray
 
 from relm_irl_jax import env
 from relm_irl_jax.agent.networks import Parameters, SiameseActorCritic
@@ -84,8 +84,23 @@ def worker_lanes(targets: Targets, world: World, n_heads: int, workers: int) -> 
     return Lane(first=spread(first), count=spread(count))
 
 
+def draw_parameters(key: PRNGKeyArray, network: SiameseActorCritic, world: World) -> Parameters:
+    """Draw the network's first parameters.
+
+    Args:
+        key: source of randomness.
+        network: the network.
+        world: gives the number of features of a view.
+
+    Returns:
+        The parameters.
+    """
+    one = jnp.zeros((network.n_heads, 1, world.features.shape[1]), jnp.float32)
+    return network.init(key, one, one, jnp.arange(network.n_heads))
+
+
 def begin(
-    key: Array,
+    key: PRNGKeyArray,
     world: World,
     targets: Targets,
     lane: Lane,
@@ -106,8 +121,7 @@ def begin(
         The learner before its first update.
     """
     key, parameter_key, episode_key = jax.random.split(key, 3)
-    one = jnp.zeros((network.n_heads, 1, world.features.shape[1]), jnp.float32)
-    parameters = network.init(parameter_key, one, one, jnp.arange(network.n_heads))
+    parameters = draw_parameters(parameter_key, network, world)
     keys = jax.random.split(episode_key, lane.first.shape)
     episode = jax.vmap(jax.vmap(lambda k, row: env.reset(k, targets, row)))(keys, lane)
     return Learner(parameters, optimiser_of(settings).init(parameters), episode, key)
@@ -143,7 +157,7 @@ def run_chunk(
 
 
 def train(
-    key: Array,
+    key: PRNGKeyArray,
     world: World,
     targets: Targets,
     reward_model: RewardModel,

@@ -330,7 +330,7 @@ def _finish(state: _State, dependent) -> MRSRSteps:
 
 _begin_jit = jax.jit(_begin, static_argnames="norm")
 _advance_jit = jax.jit(_advance, static_argnames="norm", donate_argnums=0)
-_compact_jit = jax.jit(_compact, static_argnames="rows", donate_argnums=0)
+_compact_jit = jax.jit(_compact, static_argnames="rows")
 _finish_jit = jax.jit(_finish)
 
 

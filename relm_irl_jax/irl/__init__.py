@@ -3,8 +3,9 @@
 Names are imported when they are first used, so that the solver's processes load neither JAX nor cvxpy.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from relm_irl_jax.lazy import on_first_use
 
 if TYPE_CHECKING:
     from relm_irl_jax.irl.expectations import feature_expectations as feature_expectations
@@ -37,8 +38,4 @@ _HOME = {
 
 __all__ = sorted(_HOME)
 
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+__getattr__ = on_first_use(__name__, _HOME)

@@ -14,7 +14,14 @@ from relm_irl_jax.files import write_bytes
 from relm_irl_jax.report.tables import METHOD_NAMES
 from relm_irl_jax.scenes.scene import GRID_STEP, HEADINGS, Scene
 
-COLOURS = {"random": "#7f7f7f", "rl": "#222222", "irl": "#1f6fd6", "elm-irl": "#e08a1e", "relm-irl": "#d62728"}
+COLOURS = {
+    "random": "#7f7f7f",
+    "bc": "#2ca02c",
+    "rl": "#222222",
+    "irl": "#1f6fd6",
+    "elm-irl": "#e08a1e",
+    "relm-irl": "#d62728",
+}
 """One colour a method; black, blue and red as in the paper's Figure 6."""
 
 

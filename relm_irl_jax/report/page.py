@@ -74,7 +74,7 @@ def _figures(folder: RunFolder, config: Config, results: dict) -> list[tuple[str
         method: [read_table(path) for seed in range(config.seeds) if (path := folder.curve(method, seed)).exists()]
         for method in methods_of(results["rows"])
     }
-    curves = {method: columns for method, columns in curves.items() if columns}
+    curves = {method: columns for method, columns in curves.items() if columns and "path_length_error" in columns[0]}
     if curves:
         path = folder.file("figures", "learning.png")
         save_figure(learning_curves(curves), path)

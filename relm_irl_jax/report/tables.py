@@ -12,7 +12,7 @@ from relm_irl_jax.scenes.scene import ROOM_TYPES
 
 METRICS = ("ple", "sr", "spl")
 METRIC_NAMES = {"ple": "PLE ↓", "sr": "SR ↑", "spl": "SPL ↑"}
-METHOD_NAMES = {"random": "Random", "rl": "RL", "irl": "IRL", "elm-irl": "ELM-IRL", "relm-irl": "RELM-IRL"}
+METHOD_NAMES = {"random": "Random", "bc": "BC", "rl": "RL", "irl": "IRL", "elm-irl": "ELM-IRL", "relm-irl": "RELM-IRL"}
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,11 @@ from pydantic.dataclasses import dataclass as settings_dataclass
 
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.experts import Trajectory, expert_trajectories, shortest_path_expert, sub_walks
-from relm_irl_jax.irl import MaxMarginProblem, MaxMarginSettings, Solution, solve_many
+from relm_irl_jax.irl import MaxMarginProblem, MaxMarginSettings, MethodSettings, Solution, learn
+from relm_irl_jax.irl.apprenticeship import ApprenticeshipSettings
+from relm_irl_jax.irl.maxent import MaxEntSettings
+from relm_irl_jax.irl.methods import Method
+from relm_irl_jax.irl.planning import PlanningSettings
 from relm_irl_jax.scenes.scene import Scene, successors
 from relm_irl_jax.tasks import Target, TaskSplit
 
@@ -34,9 +38,18 @@ class IrlSettings:
     """Principal components of the view features that make φ; 0 keeps all of them."""
     sub_walks: bool = True
     """Let states along the demonstrations serve as further targets for the extreme learning machine."""
+    method: Method = "max-margin"
+    """Where w comes from: `max-margin` (the paper's), `apprenticeship` (Abbeel and Ng), `planning` (Ratliff) or
+    `maxent` (Ziebart)."""
     program: MaxMarginSettings = MaxMarginSettings(regularisation=10.0, pure_share=False)
-    """The maximum-margin program. λ = 10 keeps 94% of the linear program's objective, and weights predicted for new
-    targets rank them far higher than with a smaller λ."""
+    """The maximum-margin program; its form, discount and r_max hold for all methods. λ = 10 keeps 94% of the linear
+    program's objective, and weights predicted for new targets rank them far higher than with a smaller λ."""
+    apprenticeship: ApprenticeshipSettings = ApprenticeshipSettings()
+    """Apprenticeship learning."""
+    planning: PlanningSettings = PlanningSettings()
+    """Maximum-margin planning."""
+    maxent: MaxEntSettings = MaxEntSettings()
+    """Maximum-entropy IRL."""
     least_cost: Annotated[float, Field(ge=0, le=1)] = 0.3
     """Least cost of a step in the learned reward, as a share of r_max; with 0, states of no cost invite to stay."""
     processes: Annotated[int, Field(ge=0)] = 0
@@ -120,6 +133,24 @@ def demonstrate(scene: Scene, target: Target, count: int, generator: np.random.G
     return expert_trajectories(scene, target.state, generator.choice(able, min(count, len(able)), replace=False))
 
 
+def demonstrations_of(
+    scenes: Sequence[Scene], split: TaskSplit, settings: IrlSettings, seed: int
+) -> list[tuple[Trajectory, ...]]:
+    """All demonstrations of one seed, the same for every method that learns from them.
+
+    Args:
+        scenes: encoded training scenes.
+        split: the targets; only those of training are demonstrated.
+        settings: how many demonstrations.
+        seed: the run's seed.
+
+    Returns:
+        The walks to each training target, in the order of the targets.
+    """
+    generator = np.random.default_rng([seed, 1])
+    return [demonstrate(scenes[t.scene], t, settings.trajectories, generator) for t in split.training]
+
+
 def learn_rewards(
     scenes: Sequence[Scene], split: TaskSplit, basis: RewardBasis, settings: IrlSettings, seed: int
 ) -> list[DemonstratedReward]:
@@ -139,8 +170,7 @@ def learn_rewards(
     Raises:
         InputError: a training target's problem has no solution; the message names it and the status.
     """
-    generator = np.random.default_rng([seed, 1])
-    walks = [demonstrate(scenes[t.scene], t, settings.trajectories, generator) for t in split.training]
+    walks = demonstrations_of(scenes, split, settings, seed)
     asked: list[tuple[Target, np.ndarray, bool]] = []
     for target, trajectories in zip(split.training, walks, strict=True):
         leading = [trajectory.states[:-1] for trajectory in trajectories]
@@ -166,11 +196,15 @@ def learn_rewards(
         )
         for target, states, _ in asked
     ]
-    solutions = solve_many(problems, settings.program, processes=settings.processes or None)
+    source = MethodSettings(
+        settings.method, settings.program, settings.apprenticeship, settings.planning, settings.maxent
+    )
+    solutions = learn(problems, source, settings.processes or None)
     for (_, _, trained), solution in zip(asked, solutions, strict=True):
         if trained and not solution.solved:
             raise InputError(
-                f"{solution.name}: the program ended as `{solution.status}` ({solution.message}); change irl.program."
+                f"{solution.name}: {settings.method} ended as `{solution.status}` ({solution.message}); "
+                "change its settings under irl."
             )
     return [
         DemonstratedReward(target, states, solution, trained)

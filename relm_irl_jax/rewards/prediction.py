@@ -10,6 +10,7 @@ from pydantic import Field, NonNegativeFloat, PositiveInt
 from pydantic.dataclasses import dataclass as settings_dataclass
 
 from relm_irl_jax.elm import ELMRegressor
+from relm_irl_jax.progress import progress_bar
 from relm_irl_jax.rewards.demonstrations import DemonstratedReward
 from relm_irl_jax.scenes.scene import Scene
 
@@ -111,4 +112,7 @@ def fit_machine(data: PairData, settings: ElmSettings, seed: int, *, regularised
         ridge=settings.ridge if regularised else 0.0,
         random_state=seed,
     )
-    return machine.fit(data.inputs, data.weights)
+    if machine.ordering == "none":
+        return machine.fit(data.inputs, data.weights)
+    with progress_bar("ordering neurons", min(settings.hidden, len(data.inputs)), "neurons") as advance:
+        return machine.fit(data.inputs, data.weights, report=advance)

@@ -3,8 +3,9 @@
 Names are imported when they are first used, so that processes that only need the structure do not load JAX.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from relm_irl_jax.lazy import on_first_use
 
 if TYPE_CHECKING:
     from relm_irl_jax.scenes.dump import load_scene as load_scene
@@ -16,8 +17,4 @@ _HOME = {"Scene": "scene", "generate_room": "rooms", "load_scene": "dump", "save
 
 __all__ = sorted(_HOME)
 
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+__getattr__ = on_first_use(__name__, _HOME)

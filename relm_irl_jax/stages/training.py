@@ -6,17 +6,19 @@ from collections.abc import Sequence
 import jax
 import numpy as np
 
-from relm_irl_jax.agent.train import LearningCurve, train
+from relm_irl_jax.agent.cloning import Decisions, clone, decisions_of
+from relm_irl_jax.agent.train import train
 from relm_irl_jax.config import Config, Method
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.progress import progress_bar
 from relm_irl_jax.rewards.assemble import demonstrated_reward, manual_reward, predicted_reward
+from relm_irl_jax.rewards.demonstrations import demonstrations_of
 from relm_irl_jax.rewards.model import RewardModel
 from relm_irl_jax.runs import RunFolder, save_parameters, write_table
 from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.stages.learning import LearnedRewards
 from relm_irl_jax.tasks import TaskSplit
-from relm_irl_jax.world import World, build_targets, build_world
+from relm_irl_jax.world import World, build_targets, build_world, scene_offsets
 
 
 def head_numbers(config: Config, scenes: Sequence[Scene], training: Sequence[Scene]) -> tuple[list[int], int]:
@@ -100,7 +102,7 @@ def train_method(
     learned: LearnedRewards | None,
     folder: RunFolder,
 ) -> None:
-    """Train one method and keep its network and learning curve.
+    """Train one method and keep its network and the course of its training.
 
     All methods of a seed begin with the same parameters and random numbers, so that they differ by reward alone.
 
@@ -110,25 +112,54 @@ def train_method(
         seed: the run's seed.
         scenes: encoded training scenes.
         split: the targets; training sees no others than `split.training`.
-        learned: the learned rewards; not needed by RL.
+        learned: the learned rewards; not needed by RL and behaviour cloning.
         folder: the run folder.
     """
-    reward_model, scale = reward_of(config, method, scenes, split, learned)
+    key = jax.random.key(seed)
     world = world_of(config, scenes, scenes)
     targets = build_targets(scenes, split.training)
     n_heads = head_numbers(config, scenes, scenes)[1]
     with progress_bar(f"training {method}, seed {seed}", config.frames, "frames") as advance:
-        parameters, curve = train(
-            jax.random.key(seed),
-            world,
-            targets,
-            reward_model,
-            scale,
-            n_heads,
-            config.agent,
-            config.tasks.cap,
-            config.frames,
-            advance,
-        )
-    write_table(folder.curve(method, seed), {f.name: getattr(curve, f.name) for f in dataclasses.fields(LearningCurve)})
+        if method == "bc":
+            decisions = cloned_decisions(config, scenes, split, seed, world, n_heads)
+            parameters, curve = clone(key, world, targets, decisions, n_heads, config.agent, config.frames, advance)
+        else:
+            reward_model, scale = reward_of(config, method, scenes, split, learned)
+            parameters, curve = train(
+                key,
+                world,
+                targets,
+                reward_model,
+                scale,
+                n_heads,
+                config.agent,
+                config.tasks.cap,
+                config.frames,
+                advance,
+            )
+    write_table(folder.curve(method, seed), {f.name: getattr(curve, f.name) for f in dataclasses.fields(curve)})
     save_parameters(folder.agent(method, seed), parameters)
+
+
+def cloned_decisions(
+    config: Config, scenes: Sequence[Scene], split: TaskSplit, seed: int, world: World, n_heads: int
+) -> Decisions:
+    """The demonstrations that inverse reinforcement learning gets, as decisions to clone.
+
+    Args:
+        config: the configuration.
+        scenes: encoded training scenes.
+        split: the targets of all tasks.
+        seed: the run's seed.
+        world: the training scenes.
+        n_heads: number of heads.
+
+    Returns:
+        The decisions along all demonstrations of the training targets.
+    """
+    walks = demonstrations_of(scenes, split, config.irl, seed)
+    offsets = scene_offsets(scenes)
+    state = [offsets[t.scene] + walk.states[:-1] for t, own in zip(split.training, walks, strict=True) for walk in own]
+    action = [walk.actions for own in walks for walk in own]
+    target = [np.full(len(walk.actions), row) for row, own in enumerate(walks) for walk in own]
+    return decisions_of(np.concatenate(state), np.concatenate(target), np.concatenate(action), world, n_heads)

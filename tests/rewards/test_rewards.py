@@ -107,6 +107,17 @@ def test_demonstrations_keep_clear_of_evaluation_targets(rooms, split, learned):
         assert (distance[record.starts, record.target.state] > 0).all()
 
 
+@pytest.mark.parametrize("method", ["apprenticeship", "planning", "maxent"])
+def test_weights_may_come_from_another_method(rooms, split, method):
+    settings = replace(IRL, method=method, sub_walks=False)
+    basis = fit_basis(rooms, settings.dimension)
+    records = learn_rewards(rooms, split, basis, settings, 0)
+    assert [record.target for record in records] == list(split.training)
+    for record in records:
+        phi = basis(rooms[record.target.scene].encoded)
+        assert np.abs((phi - phi[record.target.state]) @ record.solution.w).max() <= 1 + 1e-6
+
+
 def test_rewards_obey_their_bounds_and_are_best_at_the_target(rooms, learned):
     basis, records = learned
     for record in records:

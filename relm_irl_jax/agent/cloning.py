@@ -1,0 +1,181 @@
+"""Behaviour cloning: the policy fitted to demonstrated actions by maximum likelihood, without reward or environment.
+
+    loss = mean over demonstrated (s, g, a) of −log π(a | s, g)
+
+The network is the actor-critic's, and so are its optimiser and the number of pairs that one update sees, so that the
+baseline differs from the other methods by its supervision alone. The value is not trained.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import cast
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+from jaxtyping import Array, Float64, Int32, PRNGKeyArray
+
+from relm_irl_jax.agent.networks import Parameters, SiameseActorCritic, forward, tabulate
+from relm_irl_jax.agent.settings import AgentSettings
+from relm_irl_jax.agent.train import UPDATES_PER_CHUNK, draw_parameters, network_of
+from relm_irl_jax.agent.update import optimiser_of
+from relm_irl_jax.errors import InputError
+from relm_irl_jax.world import Targets, World
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Decisions:
+    """Demonstrated decisions, one row a head; rows are padded at the end.
+
+    Attributes:
+        state: states in the world.
+        target: rows of `Targets`.
+        action: action demonstrated there.
+        count: number of valid entries in each row.
+    """
+
+    state: Int32[Array, "heads decisions"]
+    target: Int32[Array, "heads decisions"]
+    action: Int32[Array, "heads decisions"]
+    count: Int32[Array, "heads"]
+
+
+@dataclass(frozen=True)
+class CloningCurve:
+    """Progress of the fit, one entry a chunk of updates.
+
+    Attributes:
+        frames: demonstrated pairs seen, repetitions counted, up to the end of the chunk.
+        loss: mean −log π of the demonstrated action, in nats.
+        accuracy: share of pairs whose demonstrated action is the most probable one.
+    """
+
+    frames: Float64[np.ndarray, "chunks"]
+    loss: Float64[np.ndarray, "chunks"]
+    accuracy: Float64[np.ndarray, "chunks"]
+
+
+def decisions_of(
+    state: Int32[np.ndarray, "decisions"],
+    target: Int32[np.ndarray, "decisions"],
+    action: Int32[np.ndarray, "decisions"],
+    world: World,
+    n_heads: int,
+) -> Decisions:
+    """Sort demonstrated decisions by the head that takes them.
+
+    Args:
+        state: states in the world.
+        target: rows of `Targets`.
+        action: action demonstrated there.
+        world: the training scenes.
+        n_heads: number of heads.
+
+    Returns:
+        The decisions.
+
+    Raises:
+        InputError: nothing is demonstrated for a head.
+    """
+    head = np.asarray(world.head)[state]
+    count = np.bincount(head, minlength=n_heads)
+    if count.min() == 0:
+        raise InputError("tasks.training_targets: some room type has no demonstration to clone; ask for more targets.")
+
+    def rows(values: np.ndarray) -> Array:
+        padded = np.zeros((n_heads, count.max()), np.int32)
+        for number in range(n_heads):
+            padded[number, : count[number]] = values[head == number]
+        return jnp.asarray(padded)
+
+    return Decisions(rows(state), rows(target), rows(action), jnp.asarray(count, jnp.int32))
+
+
+@partial(jax.jit, static_argnames=("network", "settings", "updates"))
+def _run_chunk(
+    carry: tuple[Parameters, optax.OptState],
+    key: PRNGKeyArray,
+    decisions: Decisions,
+    world: World,
+    targets: Targets,
+    *,
+    network: SiameseActorCritic,
+    settings: AgentSettings,
+    updates: int,
+) -> tuple[tuple[Parameters, optax.OptState], tuple[Array, Array]]:
+    """Take several gradient steps, each on pairs drawn with replacement, as many for every head."""
+    heads = jnp.arange(network.n_heads)
+    share = settings.workers // network.n_heads * settings.t_max
+
+    def update(carry, key):
+        parameters, optimiser = carry
+        place = jax.random.randint(key, (network.n_heads, share), 0, decisions.count[:, None])
+        state, target, action = (
+            jnp.take_along_axis(x, place, 1) for x in (decisions.state, decisions.target, decisions.action)
+        )
+
+        def loss(parameters):
+            tables = tabulate(network, parameters, world.features, targets.state)
+            logits = forward(network, parameters, tables, state, target, heads).logits
+            likelihood = jnp.take_along_axis(jax.nn.log_softmax(logits), action[..., None], -1)
+            return -likelihood.mean(), (jnp.argmax(logits, -1) == action).mean()
+
+        (value, accuracy), gradient = jax.value_and_grad(loss, has_aux=True)(parameters)
+        change, optimiser = optimiser_of(settings).update(gradient, optimiser, parameters)
+        return (cast(Parameters, optax.apply_updates(parameters, change)), optimiser), (value, accuracy)
+
+    carry, measured = jax.lax.scan(update, carry, jax.random.split(key, updates))
+    return carry, jax.tree.map(jnp.mean, measured)
+
+
+def clone(
+    key: PRNGKeyArray,
+    world: World,
+    targets: Targets,
+    decisions: Decisions,
+    n_heads: int,
+    settings: AgentSettings,
+    frames: int,
+    report: Callable[[int], None] = lambda frames: None,
+) -> tuple[Parameters, CloningCurve]:
+    """Fit the policy to demonstrations.
+
+    Args:
+        key: source of all randomness.
+        world: the training scenes.
+        targets: the training targets.
+        decisions: what was demonstrated.
+        n_heads: number of heads.
+        settings: the agent's settings; of the loss only the optimiser's are used.
+        frames: pairs seen, repetitions counted; rounded up to whole chunks of updates.
+        report: called with the number of pairs seen since its last call.
+
+    Returns:
+        The network's parameters and the course of the fit.
+    """
+    network = network_of(settings, n_heads)
+    key, parameter_key = jax.random.split(key)
+    parameters = draw_parameters(parameter_key, network, world)
+    carry = parameters, optimiser_of(settings).init(parameters)
+    per_update = n_heads * (settings.workers // n_heads) * settings.t_max
+    n_updates = -(-frames // per_update)
+    rows, done = [], 0
+    while done < n_updates:
+        updates = min(UPDATES_PER_CHUNK, n_updates - done)
+        carry, (loss, accuracy) = _run_chunk(
+            carry,
+            jax.random.fold_in(key, done),
+            decisions,
+            world,
+            targets,
+            network=network,
+            settings=settings,
+            updates=updates,
+        )
+        done += updates
+        rows.append((done * per_update, float(loss), float(accuracy)))
+        report(updates * per_update)
+    return carry[0], CloningCurve(*np.asarray(rows, np.float64).T)
