@@ -61,7 +61,7 @@ class Scenes:
 class Bench:
     """Measure speed on this machine; tables, figures and numbers are kept under `runs/bench`."""
 
-    name: tyro.conf.Positional[Literal["elm", "irl", "encoder"]]
+    name: tyro.conf.Positional[Literal["agent", "elm", "irl", "encoder"]]
     """What to measure."""
 
 

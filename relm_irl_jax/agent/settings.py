@@ -28,7 +28,8 @@ class AgentSettings:
     """Greatest global norm of a gradient."""
     value_weight: PositiveFloat = 0.25
     """Weight of the squared value error beside the policy loss."""
-    entropy_weight: Annotated[float, Field(ge=0)] = 0.01
-    """Weight of the policy's entropy."""
+    entropy_weight: Annotated[float, Field(ge=0)] = 0.03
+    """Weight of the policy's entropy. With 0.01 the hand-made reward leaves targets of the largest rooms undiscovered:
+    avoiding collisions by turning in place is learned first (success 0.89 after 3M frames; 1.00 with 0.03)."""
     cost_horizon: PositiveFloat = 10.0
     """Learned rewards cost up to r_max a step; their returns are divided by r_max times this many steps."""

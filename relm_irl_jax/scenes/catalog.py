@@ -110,7 +110,9 @@ def _pick(source: str, settings: SceneSettings, skip: int, count: int) -> list[S
     check_source(source)
     if source == ROOMS:
         first = settings.first_room + skip
-        return [_room(room_type, first + number, settings) for room_type in ROOM_TYPES for number in range(count)]
+        return [
+            built_in_room(room_type, first + number, settings) for room_type in ROOM_TYPES for number in range(count)
+        ]
     by_type = defaultdict(list)
     for path in scene_files(Path(source)):
         by_type[load_scene(path, frames=False).room_type].append(path)
@@ -123,8 +125,17 @@ def _pick(source: str, settings: SceneSettings, skip: int, count: int) -> list[S
     return [load_scene(path) for room_type in sorted(by_type) for path in by_type[room_type][skip : skip + count]]
 
 
-def _room(room_type: str, number: int, settings: SceneSettings) -> Scene:
-    """Read a built-in room from the cache, or generate and keep it."""
+def built_in_room(room_type: str, number: int, settings: SceneSettings) -> Scene:
+    """Read a built-in room from the cache, or generate and keep it.
+
+    Args:
+        room_type: one of `ROOM_TYPES`.
+        number: the room's number.
+        settings: size of the room and of its views.
+
+    Returns:
+        The room with its views.
+    """
     folder = cache_folder() / f"rooms-{VERSION}-{settings.size}-{settings.image_size}"
     path = folder / f"{room_type}-{number}.h5"
     if path.exists():

@@ -1,0 +1,263 @@
+"""Frames a second: the environment alone, with the policy, and training, beside a plain matrix product.
+
+Writes `agent.csv` and `agent.png`, and prints the table. The scenes are empty rooms with the built-in rooms' numbers of
+states, random features of 2048 numbers and a learned reward of 64; neither rate depends on what the views show. An
+update's operations are counted by hand: products of the shared layer, both halves of the fusion layer and the heads,
+forward once and backward.
+"""
+
+import csv
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, PRNGKeyArray
+from rich.console import Console
+from rich.table import Table
+
+from relm_irl_jax.agent.networks import Activations, SiameseActorCritic, forward, tabulate
+from relm_irl_jax.agent.rollout import rollout
+from relm_irl_jax.agent.settings import AgentSettings
+from relm_irl_jax.agent.train import begin, network_of, run_chunk, worker_lanes
+from relm_irl_jax.agent.update import Learner, Setting
+from relm_irl_jax.benchmarks.timing import Timing, machine, measure
+from relm_irl_jax.progress import progress_bar
+from relm_irl_jax.rewards.model import LinearReward
+from relm_irl_jax.scenes.scene import Scene, pose_graph, shortest_path_distances
+from relm_irl_jax.tasks import Target
+from relm_irl_jax.world import build_targets, build_world
+
+PLACES = (42, 42, 90, 90, 148, 148)
+"""Places of the six scenes, four states each: two bathrooms, bedrooms and living rooms."""
+
+FEATURES, DIMENSION, CAP, UPDATES = 2048, 64, 100, 8
+
+
+@dataclass(frozen=True)
+class Rate:
+    """One timed case.
+
+    Attributes:
+        what: `environment`, `environment and policy` or `training`.
+        workers: number of workers.
+        t_max: steps of each worker in a rollout or update.
+        frames: frames of a call.
+        first_seconds: the first call, compilation included.
+        median_seconds: of the calls after it.
+        worst_seconds: of the calls after it.
+        frames_per_second: at the median.
+        gflops: operations a second at the median, in 1e9; NaN where none are counted.
+    """
+
+    what: str
+    workers: int
+    t_max: int
+    frames: int
+    first_seconds: float
+    median_seconds: float
+    worst_seconds: float
+    frames_per_second: float
+    gflops: float
+
+
+def setting_of(settings: AgentSettings) -> tuple[Setting, Learner, SiameseActorCritic]:
+    """Six empty rooms, twenty targets and a learned reward.
+
+    Args:
+        settings: the agent's settings.
+
+    Returns:
+        What training looks up, its first state, and the network.
+    """
+    generator = np.random.default_rng(0)
+    scenes = []
+    for number, places in enumerate(PLACES):
+        side = int(np.ceil(np.sqrt(places)))
+        location, rotation, graph = pose_graph([divmod(place, side) for place in range(places)])
+        features = generator.normal(size=(len(graph), FEATURES)).astype(np.float32)
+        scenes.append(
+            Scene(f"{number}", "bedroom", location, rotation, graph, shortest_path_distances(graph), features=features)
+        )
+    world = build_world(scenes, [number // 2 for number in range(len(scenes))])
+    count = [4, 4, 3, 3, 3, 3]
+    chosen = [
+        Target(number, int(state))
+        for number, scene in enumerate(scenes)
+        for state in sorted(generator.choice(scene.n_states, count[number], replace=False))
+    ]
+    targets = build_targets(scenes, chosen)
+    longest = max(scene.n_states for scene in scenes)
+    reward = LinearReward(
+        weights=jnp.asarray(generator.normal(size=(len(chosen) * longest, DIMENSION)) / DIMENSION, jnp.float32),
+        row=jnp.arange(len(chosen) * longest).reshape(len(chosen), longest),
+        features=world.features[:, :DIMENSION],
+        r_max=jnp.float32(1.0),
+        least_cost=jnp.float32(0.3),
+    )
+    network = network_of(settings, 3)
+    lane = worker_lanes(targets, world, 3, settings.workers)
+    learner = begin(jax.random.key(0), world, targets, lane, network, settings)
+    return Setting(world, targets, lane, reward, jnp.float32(10.0)), learner, network
+
+
+def operations(setting: Setting, network: SiameseActorCritic, frames: int) -> float:
+    """Multiplications and additions of one update's products.
+
+    Args:
+        setting: gives the number of states, targets and features.
+        network: gives the width.
+        frames: frames of an update.
+
+    Returns:
+        Their number. A product costs as much again for the gradient in its weights and in its input; features have no
+        gradient. The values behind the rollout are left out.
+    """
+    states, features = setting.world.features.shape
+    width, targets = network.width, len(setting.targets.state)
+    shared = 2 * 2 * states * features * width
+    fusion = 3 * 2 * (states + targets) * width * width
+    heads = 3 * 2 * frames * width * (width + 5)
+    return float(shared + fusion + heads)
+
+
+def rates(settings: AgentSettings, repeats: int) -> list[Rate]:
+    """Time the environment, acting and training with one number of workers.
+
+    Args:
+        settings: the agent's settings.
+        repeats: timed calls after the first.
+
+    Returns:
+        One row for each of the three.
+    """
+    setting, learner, network = setting_of(settings)
+    heads = jnp.arange(network.n_heads)
+    workers = setting.lane.first.size
+    keys = iter(jax.random.split(jax.random.key(1), 4 * (repeats + 1)))
+
+    def indifferent(state: Array, target: Array) -> Activations:
+        nothing = jnp.zeros((*state.shape, 0))
+        return Activations(nothing, nothing, jnp.zeros((*state.shape, 4)), jnp.zeros(state.shape))
+
+    @jax.jit
+    def environment(key: PRNGKeyArray):
+        episode, experience, sums = _roll(key, indifferent, setting, learner, UPDATES * settings.t_max)
+        return episode, experience.reward.sum(), sums
+
+    @jax.jit
+    def acting(key: PRNGKeyArray, parameters):
+        tables = tabulate(network, parameters, setting.world.features, setting.targets.state)
+        at = lambda state, target: forward(network, parameters, tables, state, target, heads)  # noqa: E731
+        episode, experience, sums = _roll(key, at, setting, learner, UPDATES * settings.t_max)
+        return episode, experience.reward.sum(), sums
+
+    def training():
+        return run_chunk(learner, setting, network=network, settings=settings, cap=CAP, updates=UPDATES)
+
+    frames = workers * settings.t_max * UPDATES
+    counted = UPDATES * operations(setting, network, frames // UPDATES)
+    cases = {
+        "environment": (lambda: environment(next(keys)), np.nan),
+        "environment and policy": (lambda: acting(next(keys), learner.parameters), np.nan),
+        "training": (training, counted),
+    }
+    return [_rate(what, settings, frames, measure(call, repeats), work) for what, (call, work) in cases.items()]
+
+
+def _roll(key: PRNGKeyArray, network, setting: Setting, learner: Learner, length: int):
+    return rollout(
+        key,
+        network,
+        learner.episode,
+        setting.lane,
+        setting.world,
+        setting.targets,
+        setting.reward_model,
+        jnp.int32(CAP),
+        length,
+    )
+
+
+def _rate(what: str, settings: AgentSettings, frames: int, timing: Timing, work: float) -> Rate:
+    return Rate(
+        what,
+        settings.workers,
+        settings.t_max,
+        frames,
+        round(timing.first, 3),
+        round(timing.median, 5),
+        round(timing.worst, 5),
+        round(frames / timing.median),
+        round(work / timing.median / 1e9, 1),
+    )
+
+
+def plain_product(repeats: int) -> float:
+    """Rate of a square float32 product on this machine.
+
+    Args:
+        repeats: timed calls after the first.
+
+    Returns:
+        Operations a second, in 1e9.
+    """
+    a, b = jax.random.normal(jax.random.key(0), (2, 2048, 2048))
+    product = jax.jit(jnp.matmul)
+    return 2 * 2048**3 / measure(lambda: product(a, b), repeats).median / 1e9
+
+
+def main(folder: Path = Path("runs/bench"), repeats: int = 10, workers: tuple[int, ...] = (64, 128, 256, 512, 1024)):
+    """Run the benchmark.
+
+    Args:
+        folder: where the table and the figure go.
+        repeats: timed calls of each case after the first.
+        workers: numbers of workers to sweep.
+
+    Returns:
+        The rows.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    rows: list[Rate] = []
+    with progress_bar("agent benchmark", len(workers), "cases") as advance:
+        for count in workers:
+            rows += rates(replace(AgentSettings(), workers=count), repeats)
+            advance(1)
+    peak = plain_product(repeats)
+    with (folder / "agent.csv").open("w", newline="") as file:
+        writer = csv.DictWriter(file, list(asdict(rows[0])))
+        writer.writeheader()
+        writer.writerows(asdict(row) for row in rows)
+    _draw(rows, folder / "agent.png")
+    table = Table(title=machine(), caption=f"A plain 2048 × 2048 float32 product: {peak:.0f} GFLOP/s")
+    for heading in ("", "workers", "t_max", "first s", "median ms", "worst ms", "frames/s", "GFLOP/s", "of product"):
+        table.add_column(heading, justify="right" if heading else "left")
+    for row in rows:
+        table.add_row(
+            row.what,
+            f"{row.workers}",
+            f"{row.t_max}",
+            f"{row.first_seconds:.1f}",
+            f"{1e3 * row.median_seconds:.1f}",
+            f"{1e3 * row.worst_seconds:.1f}",
+            f"{row.frames_per_second:,.0f}",
+            "" if np.isnan(row.gflops) else f"{row.gflops:.0f}",
+            "" if np.isnan(row.gflops) else f"{row.gflops / peak:.0%}",
+        )
+    Console().print(table)
+    return tuple(rows)
+
+
+def _draw(rows: list[Rate], path: Path) -> None:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(5.2, 3.6), layout="constrained")
+    axes = figure.subplots()
+    for what in dict.fromkeys(row.what for row in rows):
+        own = [row for row in rows if row.what == what]
+        axes.loglog([row.workers for row in own], [row.frames_per_second for row in own], "o-", label=what)
+    axes.set(xlabel="workers", ylabel="frames a second")
+    axes.legend(frameon=False)
+    figure.savefig(path, dpi=150)

@@ -1,0 +1,333 @@
+"""Gymnasium environments: the navigation task for any learner, one agent or many in step.
+
+`RelmIrl/Navigation-v0` is the decision process of `relm_irl_jax.env` behind Gymnasium's interface:
+
+    gymnasium.make("RelmIrl/Navigation-v0", scene="bathroom-0", target="sink", cap=100)
+    gymnasium.make_vec("RelmIrl/Navigation-v0", num_envs=64, scene="bathroom-0")
+
+Actions are the four of `relm_irl_jax.scenes.scene.ACTIONS`. An observation holds the current view and the target's, as
+feature vectors or as frames. `info` holds `distance` (actions still needed), `shortest` (actions that would have been
+needed from the start), `steps` and `success`: all that success weighted by path length is made of.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Literal
+
+import gymnasium
+import jax
+import jax.numpy as jnp
+import numpy as np
+from gymnasium import spaces
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+
+from relm_irl_jax import env
+from relm_irl_jax.env import Episode, Lane
+from relm_irl_jax.errors import InputError
+from relm_irl_jax.features.cache import encode_cached
+from relm_irl_jax.features.encoder import EncoderSettings, make_encoder
+from relm_irl_jax.rewards.assemble import ManualSettings, manual_reward
+from relm_irl_jax.rewards.model import RewardModel
+from relm_irl_jax.scenes.catalog import SceneSettings, built_in_room, cache_folder
+from relm_irl_jax.scenes.dump import load_scene
+from relm_irl_jax.scenes.objects import best_views
+from relm_irl_jax.scenes.scene import ACTIONS, ROOM_TYPES, Scene
+from relm_irl_jax.tasks import Target
+from relm_irl_jax.world import build_targets, build_world
+
+Observed = Literal["features", "frames"]
+
+
+class _Core:
+    """The scene's tables, and the environment's functions compiled for a number of lanes."""
+
+    def __init__(
+        self,
+        scene: Scene | Path | str,
+        target: int | str | Sequence[int] | None,
+        cap: int,
+        obs: Observed,
+        reward: RewardModel | None,
+        lanes: int,
+    ):
+        if obs not in ("features", "frames"):
+            raise InputError(f"obs = {obs!r} is refused; give features or frames.")
+        if cap < 1:
+            raise InputError(f"cap = {cap} is refused; give at least 1 step.")
+        self.obs, self.cap = obs, cap
+        self.scene = find_scene(scene)
+        if self.scene.features is None:
+            self.scene = _encoded(self.scene) if obs == "features" else _without_features(self.scene)
+        chosen = [Target(0, state) for state in target_states(self.scene, target)]
+        self.world = build_world([self.scene], [0])
+        self.targets = build_targets([self.scene], chosen)
+        self.reward = manual_reward(ManualSettings()) if reward is None else reward
+        self.lane = Lane(jnp.zeros(lanes, jnp.int32), jnp.full(lanes, len(chosen), jnp.int32))
+        self.target_state = np.asarray(self.targets.state)
+
+    @cached_property
+    def reset(self):
+        """Begin one episode a lane."""
+
+        @jax.jit
+        def begin(key):
+            keys = jax.random.split(key, self.lane.first.shape)
+            return jax.vmap(lambda k, lane: env.reset(k, self.targets, lane))(keys, self.lane)
+
+        return begin
+
+    @cached_property
+    def step(self):
+        """Take one action a lane; a lane whose episode is over begins another one instead."""
+
+        @jax.jit
+        def advance(episode, action, over, key):
+            after, transition = jax.vmap(lambda e, a: env.step(e, a, self.world, self.targets, jnp.int32(self.cap)))(
+                episode, action
+            )
+            reward = jax.vmap(lambda t: self.reward(t, self.world, self.targets))(transition)
+            episode = jax.tree.map(lambda fresh, old: jnp.where(over, fresh, old), self.reset(key), after)
+            return (
+                episode,
+                jnp.where(over, 0.0, reward),
+                transition.terminated & ~over,
+                transition.truncated & ~over,
+            )
+
+        return advance
+
+    def observation_space(self) -> spaces.Dict:
+        """Space of one observation."""
+        if self.obs == "frames":
+            box = spaces.Box(0, 255, self.scene.views.shape[1:], np.uint8)
+        else:
+            features = self.scene.encoded
+            box = spaces.Box(features.min(), features.max(), features.shape[1:], np.float32)
+        return spaces.Dict({"view": box, "target": box})
+
+    def observe(self, episode: Episode) -> dict[str, np.ndarray]:
+        """Views of the current states and of the targets."""
+        pictures = self.scene.views if self.obs == "frames" else self.scene.encoded
+        target = self.target_state[np.asarray(episode.target)]
+        return {"view": pictures[np.asarray(episode.state)].copy(), "target": pictures[target].copy()}
+
+    def information(self, episode: Episode) -> dict[str, np.ndarray]:
+        """Distance and what success weighted by path length is made of."""
+        target = self.target_state[np.asarray(episode.target)]
+        distance = self.scene.shortest_path_distance[np.asarray(episode.state), target]
+        return {
+            "distance": distance,
+            "shortest": self.scene.shortest_path_distance[np.asarray(episode.start), target],
+            "steps": np.asarray(episode.steps),
+            "success": distance == 0,
+        }
+
+    def picture(self, episode: Episode, lane: int) -> np.ndarray:
+        """The current view beside the target's."""
+        target = int(self.target_state[int(episode.target[lane])])
+        return np.concatenate([self.scene.views[int(episode.state[lane])], self.scene.views[target]], axis=1)
+
+
+class NavigationEnv(gymnasium.Env):
+    """One agent on its way to a target.
+
+    Args:
+        scene: a scene, a scene file, or the name of a built-in room such as `bathroom-0`.
+        target: a state, several states, or a category of objects, whose best view is meant; by default every episode
+            goes to the best view of a random object, or to a random state where the scene has no labels.
+        cap: number of steps after which an episode is truncated.
+        obs: whether observations are feature vectors or frames.
+        reward: a reward model; by default the hand-made one.
+        render_mode: `rgb_array` for the current view beside the target's, or None.
+    """
+
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 4}  # noqa: RUF012
+
+    def __init__(
+        self,
+        scene: Scene | Path | str = "bathroom-0",
+        target: int | str | Sequence[int] | None = None,
+        cap: int = 100,
+        obs: Observed = "features",
+        reward: RewardModel | None = None,
+        render_mode: str | None = None,
+    ):
+        self._core = _Core(scene, target, cap, obs, reward, lanes=1)
+        self.render_mode = render_mode
+        self.action_space = spaces.Discrete(len(ACTIONS))
+        self.observation_space = self._core.observation_space()
+        self._key = jax.random.key(0)
+        self._episode: Episode | None = None
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
+        """Begin an episode; see `gymnasium.Env.reset`."""
+        super().reset(seed=seed)
+        self._key = jax.random.key(int(self.np_random.integers(2**31)))
+        self._episode = self._core.reset(self._key)
+        return self._first(self._core.observe(self._episode)), self._facts()
+
+    def step(self, action):
+        """Take one action; see `gymnasium.Env.step`."""
+        if self._episode is None:
+            raise gymnasium.error.ResetNeeded("Call reset before step.")
+        self._episode, reward, terminated, truncated = self._core.step(
+            self._episode, jnp.asarray([action], jnp.int32), jnp.zeros(1, bool), self._key
+        )
+        observation = self._first(self._core.observe(self._episode))
+        return observation, float(reward[0]), bool(terminated[0]), bool(truncated[0]), self._facts()
+
+    def render(self):
+        """The current view beside the target's, as RGB."""
+        if self.render_mode is None or self._episode is None:
+            return None
+        return self._core.picture(self._episode, 0)
+
+    def _facts(self) -> dict[str, Any]:
+        assert self._episode is not None
+        return {name: values[0].item() for name, values in self._core.information(self._episode).items()}
+
+    @staticmethod
+    def _first(batch: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        return {name: values[0] for name, values in batch.items()}
+
+
+class NavigationVectorEnv(VectorEnv):
+    """Many agents in lockstep, stepped by one compiled program.
+
+    An agent whose episode is over begins another one on its next step, whatever its action then; that step pays 0.
+
+    Args:
+        num_envs: number of agents.
+        scene: as in `NavigationEnv`; so are the others.
+        target: where episodes go.
+        cap: number of steps after which an episode is truncated.
+        obs: whether observations are feature vectors or frames.
+        reward: a reward model.
+        render_mode: `rgb_array`, one picture an agent, or None.
+    """
+
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 4, "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        scene: Scene | Path | str = "bathroom-0",
+        target: int | str | Sequence[int] | None = None,
+        cap: int = 100,
+        obs: Observed = "features",
+        reward: RewardModel | None = None,
+        render_mode: str | None = None,
+    ):
+        self._core = _Core(scene, target, cap, obs, reward, num_envs)
+        self.num_envs, self.render_mode = num_envs, render_mode
+        self.single_action_space = spaces.Discrete(len(ACTIONS))
+        self.single_observation_space = self._core.observation_space()
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self._episode: Episode | None = None
+        self._over = jnp.zeros(num_envs, bool)
+        self._key = jax.random.key(0)
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
+        """Begin an episode for every agent; see `gymnasium.vector.VectorEnv.reset`."""
+        super().reset(seed=seed)
+        self._key = jax.random.key(int(self.np_random.integers(2**31)))
+        self._episode = self._core.reset(self._key)
+        self._over = jnp.zeros(self.num_envs, bool)
+        return self._core.observe(self._episode), self._facts()
+
+    def step(self, actions):
+        """Take one action with every agent; see `gymnasium.vector.VectorEnv.step`."""
+        if self._episode is None:
+            raise gymnasium.error.ResetNeeded("Call reset before step.")
+        self._key, key = jax.random.split(self._key)
+        self._episode, reward, terminated, truncated = self._core.step(
+            self._episode, jnp.asarray(actions, jnp.int32), self._over, key
+        )
+        self._over = terminated | truncated
+        observation = self._core.observe(self._episode)
+        return (
+            observation,
+            np.asarray(reward, np.float64),
+            np.asarray(terminated),
+            np.asarray(truncated),
+            self._facts(),
+        )
+
+    def render(self):
+        """One picture an agent: its view beside its target's."""
+        if self.render_mode is None or self._episode is None:
+            return None
+        return tuple(self._core.picture(self._episode, lane) for lane in range(self.num_envs))
+
+    def _facts(self) -> dict[str, np.ndarray]:
+        assert self._episode is not None
+        facts = self._core.information(self._episode)
+        return facts | {f"_{name}": np.ones(self.num_envs, bool) for name in facts}
+
+
+def find_scene(scene: Scene | Path | str) -> Scene:
+    """The scene that a name, a path or the scene itself stands for.
+
+    Args:
+        scene: a scene, a scene file, or the name of a built-in room such as `bathroom-0`.
+
+    Returns:
+        The scene.
+
+    Raises:
+        InputError: there is no such scene.
+    """
+    if isinstance(scene, Scene):
+        return scene
+    room_type, _, number = str(scene).rpartition("-")
+    if room_type in ROOM_TYPES and number.isdecimal():
+        return built_in_room(room_type, int(number), SceneSettings())
+    if Path(scene).is_file():
+        return load_scene(Path(scene))
+    raise InputError(
+        f"scene: {scene} is neither a scene file nor a built-in room; give a path, or a name such as {ROOM_TYPES[0]}-0."
+    )
+
+
+def target_states(scene: Scene, target: int | str | Sequence[int] | None) -> list[int]:
+    """States that episodes may be sent to.
+
+    Args:
+        scene: the scene.
+        target: a state, several states, a category of objects, or None.
+
+    Returns:
+        At least one state.
+
+    Raises:
+        InputError: the scene has no such state or category.
+    """
+    views = best_views(scene) if scene.visible_object is not None else {}
+    if target is None:
+        return sorted(set(views.values())) or list(range(scene.n_states))
+    if isinstance(target, str):
+        if target not in views:
+            raise InputError(f"target: {scene.name} shows no {target}; it shows {', '.join(sorted(views)) or 'none'}.")
+        return [views[target]]
+    states = [int(state) for state in np.atleast_1d(target)]
+    outside = [state for state in states if not 0 <= state < scene.n_states]
+    if outside or not states:
+        raise InputError(f"target: {outside} is not in {scene.name}; give states of 0 to {scene.n_states - 1}.")
+    return states
+
+
+def _encoded(scene: Scene) -> Scene:
+    """The scene with features of its views by the default encoder, measured on its own views."""
+    settings = EncoderSettings()
+    encoder = make_encoder(settings, scene.views[:: max(1, scene.n_states // settings.calibration_views)])
+    features = encode_cached(scene.views, encoder, cache_folder() / "features", f"encoding {scene.name}")
+    return replace(scene, features=features, encoder=encoder.name)
+
+
+def _without_features(scene: Scene) -> Scene:
+    """The scene with features of no length, for environments that show frames."""
+    return replace(scene, features=np.zeros((scene.n_states, 0), np.float32))
