@@ -96,9 +96,10 @@ def draw_parameters(key: PRNGKeyArray, network: SiameseActorCritic, world: World
         The parameters.
     """
     one = jnp.zeros((network.n_heads, 1, world.features.shape[1]), jnp.float32)
-    return network.init(key, one, one, jnp.arange(network.n_heads))
+    return jax.jit(network.init)(key, one, one, jnp.arange(network.n_heads))
 
 
+@partial(jax.jit, static_argnames=("network", "settings"))
 def begin(
     key: PRNGKeyArray,
     world: World,
@@ -114,8 +115,8 @@ def begin(
         world: the training scenes.
         targets: the training targets.
         lane: one lane a worker.
-        network: the network.
-        settings: the agent's settings.
+        network: the network. Static.
+        settings: the agent's settings. Static.
 
     Returns:
         The learner before its first update.
