@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from relm_irl_jax.cli import main
 from relm_irl_jax.runs import load_parameters, read_table
 
 EXPERIMENT = Path(__file__).parents[1] / "experiments" / "smoke.toml"
@@ -96,11 +97,15 @@ def test_a_run_is_continued_with_another_method(first, folder):
         (("train", "--config", "absent.toml"), "absent.toml: cannot be read"),
     ],
 )
-def test_bad_input_is_one_sentence_and_exit_code_2(first, folder, arguments, sentence):
+def test_bad_input_is_one_sentence_and_exit_code_2(first, folder, arguments, sentence, monkeypatch, capsys):
     (folder / "empty").mkdir(exist_ok=True)
     (folder / "malformed").mkdir(exist_ok=True)
     (folder / "malformed" / "scene.h5").write_bytes(b"not HDF5")
-    done = relm_irl(*arguments, cwd=folder)
-    assert done.returncode == 2
-    assert sentence in " ".join(done.stderr.replace("│", " ").split())
-    assert "Traceback" not in done.stderr
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr(sys, "argv", ["relm-irl", *arguments])
+    with pytest.raises(SystemExit) as stopped:
+        main()
+    assert stopped.value.code == 2
+    printed = capsys.readouterr().err
+    assert sentence in " ".join(printed.replace("│", " ").split())
+    assert "Traceback" not in printed

@@ -99,10 +99,10 @@ def room(size: int) -> int:
     """Size to pad to, so that problems of similar shape share one compiled function."""
     if size <= 1:
         return size
-    if size <= 64:
-        return max(8, 1 << (size - 1).bit_length())
-    step = 32 if size <= 256 else 16
-    return -(-size // step) * step
+    for small in (16, 64, 128, 256):
+        if size <= small:
+            return small
+    return -(-size // 16) * 16
 
 
 def padded(matrix: Float64[np.ndarray, "rows columns"]) -> Float64[np.ndarray, "more_rows more_columns"]:

@@ -118,9 +118,6 @@ def test_dropping_rows_on_the_way_changes_nothing(norm, rng, monkeypatch):
     paths = []
     for rows in (10, 10**6):
         monkeypatch.setattr(module, "COMPACT", rows)
-        # A function of its own for each, since jit would give the first one's program to both.
-        fresh = jax.jit(lambda *data, norm: module._steps(*data, norm), static_argnames="norm")
-        monkeypatch.setattr(module, "_steps_jit", fresh)
         paths.append(mrsr_path(H, T, norm))
     assert paths[0].order.tolist() == paths[1].order.tolist()
     assert paths[0].dependent.tolist() == paths[1].dependent.tolist()
