@@ -6,8 +6,6 @@ start inside it.
 """
 
 import csv
-import os
-import platform
 import resource
 import time
 from collections.abc import Sequence
@@ -15,12 +13,13 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from rich.console import Console
 from rich.table import Table
 
+from relm_irl_jax.benchmarks.timing import machine
 from relm_irl_jax.experts import shortest_path_expert, walk
 from relm_irl_jax.irl import MaxMarginProblem, MaxMarginSettings, Solution, reference_max_margin, solve_many
 from relm_irl_jax.irl.problem import Variant
-from relm_irl_jax.progress import console
 from relm_irl_jax.scenes.scene import Scene, pose_graph, shortest_path_distances, successors
 
 
@@ -173,7 +172,7 @@ def main(folder: Path = Path("runs/bench"), repeats: int = 3, references: int = 
         writer.writeheader()
         writer.writerows(asdict(row) for row in rows)
     _draw(rows, folder / "irl.png")
-    table = Table(title=f"Maximum-margin IRL, {os.cpu_count()} cores, {platform.processor() or platform.machine()}")
+    table = Table(title=f"Maximum-margin IRL: {machine()}")
     for heading in (
         "sweep",
         "variant",
@@ -202,7 +201,7 @@ def main(folder: Path = Path("runs/bench"), repeats: int = 3, references: int = 
             f"{row.worst_gap:.0e}",
             "" if np.isnan(row.ratio) else f"{row.ratio:.0f}",
         )
-    console.print(table)
+    Console().print(table)
     return tuple(rows)
 
 
