@@ -2,7 +2,7 @@
 
 `RelmIrl/Navigation-v0` is the decision process of `relm_irl_jax.env` behind Gymnasium's interface:
 
-    gymnasium.make("RelmIrl/Navigation-v0", scene="bathroom-0", target="sink", cap=100)
+    gymnasium.make("RelmIrl/Navigation-v0", scene="bathroom-0", target="toilet", cap=100)
     gymnasium.make_vec("RelmIrl/Navigation-v0", num_envs=64, scene="bathroom-0")
 
 Actions are the four of `relm_irl_jax.scenes.scene.ACTIONS`. An observation holds the current view and the target's, as
