@@ -10,15 +10,18 @@ from pydantic import NonNegativeInt, PositiveInt, ValidationError
 from pydantic.dataclasses import dataclass
 from rich.console import Console
 
-from relm_irl_jax.config import Config, Task, first_fault, load_config
+from relm_irl_jax.config import Config, Method, Task, first_fault, load_config
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.pipeline import evaluate_run, run
 from relm_irl_jax.report.page import write_report
 from relm_irl_jax.report.tables import console_table
 from relm_irl_jax.runs import find_run, read_results
+from relm_irl_jax.scenes.catalog import scene_files
+from relm_irl_jax.scenes.check import check_files, check_table
 from relm_irl_jax.scenes.dump import save_scene
 from relm_irl_jax.scenes.rooms import generate_room
 from relm_irl_jax.scenes.scene import ROOM_TYPES
+from relm_irl_jax.stages.playing import play as play_run
 
 
 @dataclass(frozen=True)
@@ -40,7 +43,23 @@ class Report:
 
 
 @dataclass(frozen=True)
-class Scenes:
+class Play:
+    """Watch an agent: one episode in each scene, as a GIF in the run folder."""
+
+    run: tyro.conf.Positional[Path]
+    """Run folder."""
+    method: Method = "relm-irl"
+    """Whose agent."""
+    task: Task = "I"
+    """Task whose targets are sought."""
+    seed: NonNegativeInt = 0
+    """Seed of the agent."""
+    episode: NonNegativeInt = 0
+    """Number of the episode; another one draws another start and target."""
+
+
+@dataclass(frozen=True)
+class Generate:
     """Generate built-in rooms as scene files in the THOR v1 format."""
 
     out: Path
@@ -55,6 +74,18 @@ class Scenes:
     """The original scenes' state counts, or a dozen places."""
     image_size: PositiveInt = 224
     """Rows and columns of a view."""
+
+
+@dataclass(frozen=True)
+class Check:
+    """Check scene files for everything that training relies on."""
+
+    files: tyro.conf.Positional[tuple[Path, ...]]
+    """Scene files, or folders of them."""
+
+
+Generated = Annotated[Generate, tyro.conf.subcommand("generate", prefix_name=False)]
+Checked = Annotated[Check, tyro.conf.subcommand("check", prefix_name=False)]
 
 
 @dataclass(frozen=True)
@@ -109,12 +140,22 @@ def _dispatch(arguments: list[str]) -> None:
         _show(results, folder.path)
 
     @app.command
-    def scenes(command: Annotated[Scenes, tyro.conf.arg(name="")]) -> None:
-        """Generate built-in rooms as scene files in the THOR v1 format."""
-        for room_type in command.room_types:
-            for number in range(command.first, command.first + command.count):
-                scene = generate_room(room_type, number, size=command.size, image_size=command.image_size)
-                save_scene(scene, command.out / f"{scene.name}.h5")
+    def play(command: Annotated[Play, tyro.conf.arg(name="")]) -> None:
+        """Watch an agent: one episode in each scene, as a GIF in the run folder."""
+        folder, config = find_run(command.run)
+        console = Console()
+        for path, walk in play_run(config, folder, command.method, command.task, command.seed, command.episode):
+            steps = len(walk.states) - 1
+            outcome = f"found after {steps} steps" if walk.success else f"not found in {steps} steps"
+            console.print(f"{path}: {outcome}, shortest path {walk.shortest}", highlight=False, soft_wrap=True)
+
+    @app.command
+    def scenes(command: Annotated[Generated | Checked, tyro.conf.arg(name="")]) -> None:
+        """Generate built-in rooms as scene files, or check scene files."""
+        if isinstance(command, Generate):
+            _generate(command)
+        else:
+            _check(command)
 
     @app.command
     def bench(command: Annotated[Bench, tyro.conf.arg(name="")]) -> None:
@@ -122,6 +163,24 @@ def _dispatch(arguments: list[str]) -> None:
         import_module(f"relm_irl_jax.benchmarks.{command.name}").main()
 
     app.cli(args=arguments, prog="relm-irl", description="Target-driven visual navigation with learned rewards.")
+
+
+def _generate(command: Generate) -> None:
+    for room_type in command.room_types:
+        for number in range(command.first, command.first + command.count):
+            scene = generate_room(room_type, number, size=command.size, image_size=command.image_size)
+            save_scene(scene, command.out / f"{scene.name}.h5")
+
+
+def _check(command: Check) -> None:
+    paths = [file for path in command.files for file in (scene_files(path) if path.is_dir() else [path])]
+    if not paths:
+        raise InputError("scenes check: no scene files; give HDF5 files or folders that hold some.")
+    checked = check_files(paths)
+    Console().print(check_table(checked))
+    faults = [fault for record in checked for fault in record.faults]
+    if faults:
+        raise InputError("\n".join(faults))
 
 
 def _default_config(arguments: list[str]) -> tuple[Config, list[str]]:

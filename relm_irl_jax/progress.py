@@ -42,12 +42,12 @@ def progress_bar(description: str, total: int, unit: str) -> Iterator[Callable[[
         A function that takes the number of units done since its last call.
     """
     columns = (
-        TextColumn("{task.description:<26}", table_column=Column(no_wrap=True)),
-        BarColumn(bar_width=10),
+        TextColumn("{task.description:<25}", table_column=Column(no_wrap=True)),
+        BarColumn(bar_width=5),
         MofNCompleteColumn(table_column=Column(no_wrap=True)),
         _Rate(table_column=Column(no_wrap=True)),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
+        TimeElapsedColumn(table_column=Column(no_wrap=True)),
+        TimeRemainingColumn(table_column=Column(no_wrap=True)),
     )
     with Progress(*columns, console=console) as progress:
         task = progress.add_task(description, total=total, unit=unit)

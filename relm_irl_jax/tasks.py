@@ -5,6 +5,9 @@
   that was not a target; a harder preset draws them uniformly from all untrained states.
 - Task III: in unseen scenes, the best view of an object whose category was a training target's.
 
+Scenes without object labels, such as the original dumps, have no best views: targets are then states drawn uniformly,
+and Task II's new ones are all near a trained target.
+
 A `TaskSplit` is drawn once for a seed, before any training, and holds the targets of all tasks, so that training can
 be kept away from every one of them.
 """
@@ -118,14 +121,8 @@ def draw_split(training: Sequence[Scene], unseen: Sequence[Scene], settings: Tas
         The split; the targets of Tasks I and II do not depend on the unseen scenes.
 
     Raises:
-        InputError: a scene has no object labels, or too few objects for the targets asked for.
+        InputError: too few objects or states for the targets asked for.
     """
-    for scene in (*training, *unseen):
-        if scene.visible_object is None:
-            raise InputError(
-                f"{scene.name}: the scene file has no dataset `visible_object`, by which targets are chosen; "
-                "export the scene with object labels."
-            )
     generator = np.random.default_rng([seed, 0])
     dealt = _training_targets(training, settings.training_targets, generator)
     trained = tuple(sorted(dealt, key=lambda target: target.scene))
@@ -134,16 +131,20 @@ def draw_split(training: Sequence[Scene], unseen: Sequence[Scene], settings: Tas
         own = [target for target in trained if target.scene == number]
         new += _new_targets(scene, number, own, settings.new_targets_per_scene, generator)
         taken = {target.state for target in own}
-        free = np.setdiff1d(np.arange(scene.n_states), list(taken))
+        free = np.setdiff1d(_reachable(scene), list(taken))
         chosen = generator.choice(free, settings.new_targets_per_scene, replace=False)
         uniform += [Target(number, int(state)) for state in sorted(chosen)]
-    return TaskSplit(trained, tuple(new), tuple(uniform), tuple(_similar_targets(training, unseen, trained)))
+    similar = _similar_targets(training, unseen, trained, settings.new_targets_per_scene, generator)
+    return TaskSplit(trained, tuple(new), tuple(uniform), tuple(similar))
 
 
 def _training_targets(scenes: Sequence[Scene], count: int, generator: np.random.Generator) -> Iterator[Target]:
-    """Best views of objects, dealt to the scenes in turn."""
+    """Best views of objects, or states where there are no labels, dealt to the scenes in turn."""
     piles = []
     for number, scene in enumerate(scenes):
+        if scene.visible_object is None:
+            piles.append([Target(number, int(state)) for state in generator.permutation(_reachable(scene))])
+            continue
         views = _distinct(best_views(scene))
         categories = generator.permutation(sorted(views))
         piles.append([Target(number, views[category], str(category)) for category in categories])
@@ -188,15 +189,34 @@ def _new_targets(
         yield Target(number, int(state))
 
 
-def _similar_targets(training: Sequence[Scene], unseen: Sequence[Scene], trained: Sequence[Target]) -> Iterator[Target]:
-    """Best views, in unseen scenes, of categories that were trained in scenes of the same room type."""
+def _similar_targets(
+    training: Sequence[Scene],
+    unseen: Sequence[Scene],
+    trained: Sequence[Target],
+    count: int,
+    generator: np.random.Generator,
+) -> Iterator[Target]:
+    """Best views, in unseen scenes, of categories that were trained in scenes of the same room type.
+
+    Without labels, `count` states a scene.
+    """
     for number, scene in enumerate(unseen):
+        if scene.visible_object is None:
+            reachable = _reachable(scene)
+            for state in sorted(generator.choice(reachable, min(count, len(reachable)), replace=False)):
+                yield Target(number, int(state))
+            continue
         known = {t.category for t in trained if training[t.scene].room_type == scene.room_type}
         views = {category: state for category, state in best_views(scene).items() if category in known}
         if not views:
             raise InputError(f"{scene.name}: shows no object of a trained category; leave the scene out of Task III.")
         for category, state in sorted(_distinct(views).items()):
             yield Target(number, state, category)
+
+
+def _reachable(scene: Scene) -> np.ndarray:
+    """States that some other state can reach: the original dumps hold some that none can."""
+    return np.flatnonzero((scene.shortest_path_distance > 0).any(0))
 
 
 def _distinct(views: dict[str, int]) -> dict[str, int]:

@@ -1,11 +1,13 @@
 """The whole pipeline through the command line, on tiny rooms: what a user runs, what it leaves, what it refuses."""
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from PIL import Image
 
 from relm_irl_jax.cli import main
 from relm_irl_jax.runs import load_parameters, read_table
@@ -58,11 +60,16 @@ def test_the_same_seed_gives_the_same_results(first, folder):
     assert (folder / "one" / "results.json").read_bytes() == (folder / "two" / "results.json").read_bytes()
 
 
-def test_a_finished_run_is_evaluated_without_training(first, folder):
+def in_process(monkeypatch, folder, *arguments: str) -> None:
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr(sys, "argv", ["relm-irl", *arguments])
+    main()
+
+
+def test_a_finished_run_is_evaluated_without_training(first, folder, monkeypatch):
     weights = folder / "one" / "agents" / "rl-seed-0.safetensors"
     before = weights.stat().st_mtime_ns
-    done = relm_irl("evaluate", "one", "--task", "III", cwd=folder)
-    assert done.returncode == 0, done.stderr
+    in_process(monkeypatch, folder, "evaluate", "one", "--task", "III")
     results = json.loads((folder / "one" / "results-III.json").read_text())
     trained = {row["scene"] for row in json.loads((folder / "one" / "results-II.json").read_text())["rows"]}
     unseen = {row["scene"] for row in results["rows"]}
@@ -71,12 +78,27 @@ def test_a_finished_run_is_evaluated_without_training(first, folder):
     assert weights.stat().st_mtime_ns == before
 
 
-def test_a_run_is_continued_with_another_method(first, folder):
+def test_an_agent_can_be_watched(first, folder, monkeypatch, capsys):
+    in_process(monkeypatch, folder, "play", "one", "--method", "irl", "--task", "I")
+    lines = [line for line in capsys.readouterr().out.splitlines() if "shortest path" in line]
+    assert len(lines) == 6
+    for line in lines:
+        path, outcome = line.split(": ", 1)
+        steps, shortest = (int(word) for word in re.findall(r"\d+", outcome))
+        with Image.open(folder / path) as picture:
+            assert picture.n_frames == steps + 1
+            assert picture.size == (3 * 64, 64)
+        assert steps >= shortest > 0
+        assert ("not found" in outcome) == (steps == 100)
+
+
+def test_a_run_is_continued_with_another_method(first, folder, monkeypatch):
     """Behaviour cloning joins, and nothing that was trained is trained again."""
     weights = folder / "one" / "agents" / "rl-seed-0.safetensors"
     before = weights.stat().st_mtime_ns
-    done = relm_irl("train", "--config", str(EXPERIMENT), "--run", "one", *QUICK, "--methods", "all", "bc", cwd=folder)
-    assert done.returncode == 0, done.stderr
+    in_process(
+        monkeypatch, folder, "train", "--config", str(EXPERIMENT), "--run", "one", *QUICK, "--methods", "all", "bc"
+    )
     assert weights.stat().st_mtime_ns == before
     rows = json.loads((folder / "one" / "results.json").read_text())["rows"]
     assert {row["method"] for row in rows} == {"random", "bc", "rl", "irl", "elm-irl", "relm-irl"}
@@ -101,10 +123,8 @@ def test_bad_input_is_one_sentence_and_exit_code_2(first, folder, arguments, sen
     (folder / "empty").mkdir(exist_ok=True)
     (folder / "malformed").mkdir(exist_ok=True)
     (folder / "malformed" / "scene.h5").write_bytes(b"not HDF5")
-    monkeypatch.chdir(folder)
-    monkeypatch.setattr(sys, "argv", ["relm-irl", *arguments])
     with pytest.raises(SystemExit) as stopped:
-        main()
+        in_process(monkeypatch, folder, *arguments)
     assert stopped.value.code == 2
     printed = capsys.readouterr().err
     assert sentence in " ".join(printed.replace("│", " ").split())

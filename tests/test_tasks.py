@@ -1,5 +1,7 @@
 """The wall between training and evaluation."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from builders import grid_scene, labelled
@@ -90,6 +92,21 @@ def test_too_many_targets_are_refused():
         draw_split(scenes(0, 3), (), TaskSettings(training_targets=99), 0)
 
 
-def test_scenes_without_labels_are_refused():
-    with pytest.raises(InputError, match="visible_object"):
-        draw_split([grid_scene(3, 3)], (), SETTINGS, 0)
+def test_scenes_without_labels_get_targets_that_can_be_reached():
+    def dump(number):
+        """A room of which the last place cannot be reached, as in the original dumps."""
+        scene = grid_scene(4, 4, name=f"bathroom-{number}")
+        distance = scene.shortest_path_distance.copy()
+        distance[:, 60:] = distance[60:, :] = -1
+        np.fill_diagonal(distance, 0)
+        return replace(scene, shortest_path_distance=distance)
+
+    split = draw_split([dump(0), dump(1)], [dump(2)], SETTINGS, 0)
+    assert len(split.training) == SETTINGS.training_targets
+    assert len(split.new) == len(split.uniform) == 2 * SETTINGS.new_targets_per_scene
+    assert len(split.similar) == SETTINGS.new_targets_per_scene
+    for target in (*split.training, *split.new, *split.uniform, *split.similar):
+        assert target.state < 60
+        assert target.category == ""
+    for scene in range(2):
+        assert not split.evaluation_only(scene) & {t.state for t in split.training if t.scene == scene}

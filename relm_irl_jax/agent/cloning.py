@@ -162,9 +162,9 @@ def clone(
     carry = parameters, optimiser_of(settings).init(parameters)
     per_update = n_heads * (settings.workers // n_heads) * settings.t_max
     n_updates = -(-frames // per_update)
+    updates = min(UPDATES_PER_CHUNK, n_updates)
     rows, done = [], 0
     while done < n_updates:
-        updates = min(UPDATES_PER_CHUNK, n_updates - done)
         carry, (loss, accuracy) = _run_chunk(
             carry,
             jax.random.fold_in(key, done),

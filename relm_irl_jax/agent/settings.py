@@ -31,5 +31,6 @@ class AgentSettings:
     entropy_weight: Annotated[float, Field(ge=0)] = 0.03
     """Weight of the policy's entropy. With 0.01 the hand-made reward leaves targets of the largest rooms undiscovered:
     avoiding collisions by turning in place is learned first (success 0.89 after 3M frames; 1.00 with 0.03)."""
-    cost_horizon: PositiveFloat = 10.0
-    """Learned rewards cost up to r_max a step; their returns are divided by r_max times this many steps."""
+    cost_horizon: PositiveFloat = 6.0
+    """Learned rewards cost up to r_max a step; their returns are divided by r_max times this many steps. Larger returns
+    train less surely, smaller ones yield to the entropy bonus (IRL on Task I: SPL 0.92 with 6, 0.90 with 10)."""

@@ -1,6 +1,6 @@
 """Training: many updates in one compiled program, with what happened in between as a few numbers."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float64, PRNGKeyArray
 
 from relm_irl_jax import env
+from relm_irl_jax.agent.devices import over_devices
 from relm_irl_jax.agent.networks import Parameters, SiameseActorCritic
 from relm_irl_jax.agent.rollout import EpisodeSums
 from relm_irl_jax.agent.settings import AgentSettings
@@ -168,6 +169,7 @@ def train(
     cap: int,
     frames: int,
     report: Callable[[int], None] = lambda frames: None,
+    devices: Sequence[jax.Device] | None = None,
 ) -> tuple[Parameters, LearningCurve]:
     """Train an agent.
 
@@ -182,6 +184,7 @@ def train(
         cap: number of steps after which an episode is truncated, at least `settings.t_max`.
         frames: frames of all workers together; rounded up to whole chunks of updates.
         report: called with the number of frames done since its last call.
+        devices: devices that share the workers; all where None.
 
     Returns:
         The network's parameters and the learning curve.
@@ -194,13 +197,13 @@ def train(
     network = network_of(settings, n_heads)
     lane = worker_lanes(targets, world, n_heads, settings.workers)
     setting = Setting(world, targets, lane, reward_model, jnp.float32(return_scale))
-    learner = begin(key, world, targets, lane, network, settings)
+    learner, setting = over_devices(begin(key, world, targets, lane, network, settings), setting, devices)
     per_update = lane.first.size * settings.t_max
     n_updates = -(-frames // per_update)
+    updates = min(UPDATES_PER_CHUNK, n_updates)  # all chunks alike, so that one program serves
     rows = []
     done = 0
     while done < n_updates:
-        updates = min(UPDATES_PER_CHUNK, n_updates - done)
         learner, sums = run_chunk(learner, setting, network=network, settings=settings, cap=cap, updates=updates)
         done += updates
         rows.append((done * per_update, updates * per_update, jax.device_get(sums)))

@@ -23,9 +23,9 @@ class SceneSettings:
     """How many scenes of each room type are trained and kept unseen, and how rooms are generated."""
 
     training_per_type: PositiveInt = 2
-    """Training scenes of each room type."""
+    """Training scenes of each room type; a folder may hold fewer."""
     unseen_per_type: PositiveInt = 3
-    """Scenes of each room type that only Task III sees."""
+    """Scenes of each room type that only Task III sees; a folder may hold fewer, but at least one."""
     size: Literal["full", "tiny"] = "full"
     """Size of the built-in rooms: the original scenes' state counts, or a dozen places for quick trials."""
     image_size: PositiveInt = 224
@@ -117,10 +117,10 @@ def _pick(source: str, settings: SceneSettings, skip: int, count: int) -> list[S
     for path in scene_files(Path(source)):
         by_type[load_scene(path, frames=False).room_type].append(path)
     for room_type, paths in by_type.items():
-        if len(paths) < skip + count:
+        if len(paths) <= skip:
             raise InputError(
-                f"scenes: {source} holds {len(paths)} scenes of type {room_type}, {skip + count} are needed; add "
-                "scenes, or lower scene_settings.training_per_type or scene_settings.unseen_per_type."
+                f"scenes: all {len(paths)} scenes of type {room_type} in {source} are trained, none is left for Task "
+                "III; add scenes, or lower scene.training_per_type."
             )
     return [load_scene(path) for room_type in sorted(by_type) for path in by_type[room_type][skip : skip + count]]
 

@@ -27,9 +27,14 @@ def test_unseen_scenes_are_never_training_scenes(folder):
     assert unseen == {"bathroom-2", "bathroom-3"}
 
 
-def test_too_few_scenes_are_refused(folder):
-    with pytest.raises(InputError, match="4 scenes of type bathroom, 5 are needed"):
-        unseen_scenes(folder, SceneSettings(training_per_type=2, unseen_per_type=3))
+def test_a_folder_may_hold_fewer_scenes(folder):
+    assert len(training_scenes(folder, SceneSettings(training_per_type=9))) == 4
+    assert len(unseen_scenes(folder, SceneSettings(training_per_type=2, unseen_per_type=3))) == 2
+
+
+def test_no_scene_left_for_task_iii_is_refused(folder):
+    with pytest.raises(InputError, match=r"all 4 scenes of type bathroom in .* are trained"):
+        unseen_scenes(folder, SceneSettings(training_per_type=4))
 
 
 def test_sources_that_hold_no_scene_are_refused(tmp_path):

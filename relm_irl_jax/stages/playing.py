@@ -1,0 +1,201 @@
+"""Watching an agent: one episode in each scene, as a moving picture of its view, the target's and the way taken."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Int32, UInt8
+from PIL import Image, ImageDraw
+
+from relm_irl_jax import env
+from relm_irl_jax.agent.train import network_of
+from relm_irl_jax.config import Config, Method
+from relm_irl_jax.env import Episode, Lane
+from relm_irl_jax.errors import InputError
+from relm_irl_jax.evaluation import Policy, RandomPolicy, network_policy
+from relm_irl_jax.progress import progress_bar
+from relm_irl_jax.runs import RunFolder, load_parameters
+from relm_irl_jax.scenes.catalog import training_scenes, unseen_scenes
+from relm_irl_jax.scenes.scene import GRID_STEP, Scene
+from relm_irl_jax.stages.encoding import encode_training, encode_unseen
+from relm_irl_jax.stages.training import head_numbers, world_of
+from relm_irl_jax.tasks import draw_split
+from relm_irl_jax.world import Targets, World, build_targets, scene_offsets
+
+FRAME_MILLISECONDS = 250
+"""Time that each step is shown; the last one stays four times as long."""
+
+
+@dataclass(frozen=True)
+class Walk:
+    """One episode.
+
+    Attributes:
+        states: states of the scene, from the start to the last.
+        target: the state sought.
+        shortest: least number of actions from the start to the target.
+    """
+
+    states: Int32[np.ndarray, "steps+1"]
+    target: int
+    shortest: int
+
+    @property
+    def success(self) -> bool:
+        """Whether the walk ends at the target."""
+        return int(self.states[-1]) == self.target
+
+
+def play(
+    config: Config, folder: RunFolder, method: Method, task: str, seed: int, episode: int
+) -> list[tuple[Path, Walk]]:
+    """Run one episode in each scene of a task and keep it as a GIF in the run folder.
+
+    Args:
+        config: the configuration as run.
+        folder: the run folder.
+        method: whose agent.
+        task: `I`, `II` or `III`.
+        seed: which seed's agent.
+        episode: number of the episode; another one draws another start, target and actions.
+
+    Returns:
+        Files and walks, in the order of the scenes.
+
+    Raises:
+        InputError: the run holds no such agent.
+    """
+    if method != "random" and not folder.agent(method, seed).exists():
+        raise InputError(f"{folder.path}: holds no agent of {method} with seed {seed}; train it, or choose another.")
+    training = encode_training(config)
+    unseen = encode_unseen(config, training) if task == "III" else []
+    scenes = unseen if task == "III" else training.scenes
+    pictured = (unseen_scenes if task == "III" else training_scenes)(config.scenes, config.scene)
+    split = draw_split(training.scenes, unseen, config.tasks, seed)
+    world = world_of(config, scenes, training.scenes)
+    targets = build_targets(scenes, split.of_task(task, config.evaluation))
+    if method == "random":
+        policy = RandomPolicy()
+    else:
+        network = network_of(config.agent, head_numbers(config, scenes, training.scenes)[1])
+        parameters = load_parameters(folder.agent(method, seed))
+        policy = network_policy(network, parameters, world, targets, greedy=config.evaluation.policy == "greedy")
+    walks = walk_all(
+        jax.random.fold_in(jax.random.key(seed), episode), policy, world, targets, scenes, config.tasks.cap
+    )
+    played = []
+    with progress_bar("drawing episodes", len(walks), "scenes") as advance:
+        for scene, walk in zip(pictured, walks, strict=True):
+            path = folder.file("episodes", f"{method}-{task}-{scene.name}-{episode}.gif")
+            write_gif(path, scene, walk)
+            played.append((path, walk))
+            advance(1)
+    return played
+
+
+def walk_all(
+    key: jax.Array, policy: Policy, world: World, targets: Targets, scenes: list[Scene], cap: int
+) -> list[Walk]:
+    """One episode in each scene.
+
+    Args:
+        key: source of all randomness.
+        policy: the agent.
+        world: the scenes.
+        targets: the targets.
+        scenes: the same scenes, as arrays on the host.
+        cap: most steps.
+
+    Returns:
+        One walk a scene.
+    """
+    own = np.asarray(targets.scene)
+    numbers = np.arange(len(scenes))
+    lane = Lane(
+        first=jnp.asarray(np.searchsorted(own, numbers)[:, None], jnp.int32),
+        count=jnp.asarray(np.bincount(own, minlength=len(scenes))[:, None], jnp.int32),
+    )
+    reset_key, key = jax.random.split(key)
+    each = lambda function: jax.vmap(jax.vmap(function))  # noqa: E731
+    keys = jax.random.split(reset_key, lane.first.shape)
+    first = each(lambda k, row: env.reset(k, targets, row))(keys, lane)
+
+    @jax.jit
+    def advance(episode: Episode, key: jax.Array):
+        action = policy(key, episode.state, episode.target)
+        return each(lambda e, a: env.step(e, a, world, targets, jnp.int32(cap))[0])(episode, action)
+
+    episode, course = first, [np.asarray(first.state)[:, 0]]
+    for step_key in jax.random.split(key, cap):
+        episode = advance(episode, step_key)
+        course.append(np.asarray(episode.state)[:, 0])
+    states, offsets = np.stack(course, axis=1), scene_offsets(scenes)
+    sought = np.asarray(targets.state)[np.asarray(first.target)[:, 0]]
+    walks = []
+    for number, scene in enumerate(scenes):
+        arrived = np.flatnonzero(states[number] == sought[number])
+        last = int(arrived[0]) if len(arrived) else cap
+        local = (states[number, : last + 1] - offsets[number]).astype(np.int32)
+        target = int(sought[number]) - offsets[number]
+        walks.append(Walk(local, target, int(scene.shortest_path_distance[local[0], target])))
+    return walks
+
+
+def write_gif(path: Path, scene: Scene, walk: Walk) -> None:
+    """Draw a walk: view, target view and map side by side, one frame a step.
+
+    Args:
+        path: the file.
+        scene: the scene with its views.
+        walk: the walk.
+    """
+    frames = [
+        Image.fromarray(
+            np.concatenate(
+                [scene.views[state], scene.views[walk.target], draw_map(scene, walk, step, scene.views.shape[1])],
+                axis=1,
+            )
+        )
+        for step, state in enumerate(walk.states)
+    ]
+    durations = [FRAME_MILLISECONDS] * (len(frames) - 1) + [4 * FRAME_MILLISECONDS]
+    frames[0].save(path, save_all=True, append_images=frames[1:], duration=durations, loop=0)
+
+
+def draw_map(scene: Scene, walk: Walk, step: int, size: int) -> UInt8[np.ndarray, "size size 3"]:
+    """The room from above: free places, the way so far, the agent in blue and the target in red, with their headings.
+
+    Args:
+        scene: the scene.
+        walk: the walk.
+        step: number of steps taken.
+        size: rows and columns of the picture.
+
+    Returns:
+        The picture, +z upwards.
+    """
+    low, high = scene.location.min(0) - GRID_STEP, scene.location.max(0) + GRID_STEP
+    scale = size / (high - low).max()
+    margin = (size - (high - low) * scale) / 2
+
+    def place(state: int) -> tuple[float, float]:
+        x, z = (scene.location[state] - low) * scale + margin
+        return float(x), float(size - z)
+
+    picture = Image.new("RGB", (size, size), "white")
+    pen = ImageDraw.Draw(picture)
+    half = 0.45 * GRID_STEP * scale
+    for x, y in {place(state) for state in range(scene.n_states)}:
+        pen.rectangle((x - half, y - half, x + half, y + half), fill="#dddddd")
+    way = [place(int(state)) for state in walk.states[: step + 1]]
+    if len(way) > 1:
+        pen.line(way, fill="#1f6fd6", width=2)
+    for state, colour in ((walk.target, "#d62728"), (int(walk.states[step]), "#1f6fd6")):
+        x, y = place(state)
+        radians = np.deg2rad(scene.rotation[state])
+        tip = (x + 1.6 * half * np.sin(radians), y - 1.6 * half * np.cos(radians))
+        pen.line(((x, y), tip), fill=colour, width=3)
+        pen.ellipse((x - 0.7 * half, y - 0.7 * half, x + 0.7 * half, y + 0.7 * half), fill=colour)
+    return np.asarray(picture)

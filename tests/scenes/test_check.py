@@ -1,0 +1,76 @@
+"""Sound scenes pass, and each kind of damage is named with its dataset."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from builders import grid_scene
+
+from relm_irl_jax.scenes.check import check_files, check_scene, check_table
+from relm_irl_jax.scenes.dump import save_scene
+from relm_irl_jax.scenes.scene import shortest_path_distances
+
+
+@pytest.fixture
+def scene():
+    return replace(grid_scene(3, 2), observation=np.zeros((24, 4, 5, 3), np.uint8))
+
+
+def regraphed(scene, graph):
+    return replace(scene, graph=graph, shortest_path_distance=shortest_path_distances(graph))
+
+
+def test_a_sound_scene_has_no_fault(scene):
+    assert check_scene(scene) == ((), ())
+
+
+def test_turns_the_other_way_round_are_a_note(scene):
+    mirrored = regraphed(scene, scene.graph[:, [0, 2, 1, 3]].copy())
+    faults, notes = check_scene(mirrored)
+    assert not faults
+    assert notes == ("turns go the other way round",)
+
+
+def test_rounding_noise_is_no_fault(scene):
+    generator = np.random.default_rng(0)
+    noisy = replace(scene, location=scene.location + generator.uniform(-1e-4, 1e-4, scene.location.shape))
+    assert check_scene(noisy)[0] == ()
+
+
+def damaged_graph(scene, state, action, onward):
+    graph = scene.graph.copy()
+    graph[state, action] = onward
+    return regraphed(scene, graph)
+
+
+@pytest.mark.parametrize(
+    ("damage", "sentence"),
+    [
+        (lambda s: damaged_graph(s, 0, 0, 8), "MoveAhead leads 1 times elsewhere"),
+        (lambda s: damaged_graph(s, 0, 0, 5), "MoveAhead from state 0 changes the heading"),
+        (lambda s: damaged_graph(s, 0, 1, 2), "RotateRight from state 0 is no turn by 90 degrees"),
+        (lambda s: damaged_graph(s, 0, 1, 5), "RotateRight from state 0 leaves its place"),
+        (lambda s: damaged_graph(s, 0, 1, 3), "some turns go one way round"),
+        (lambda s: damaged_graph(s, 4, 3, -1), "MoveBack does not undo MoveAhead from state 0"),
+        (lambda s: replace(s, rotation=s.rotation + np.eye(24)[5] * 30), "dataset `rotation` holds 120 at state 5"),
+        (lambda s: replace(s, location=s.location[[*range(20), *range(4)]]), "hold 4 poses twice, first state 0"),
+        (
+            lambda s: replace(s, shortest_path_distance=s.shortest_path_distance + np.eye(24, dtype=np.int32)),
+            "`shortest_path_distance` disagrees with `graph` in 24 pairs",
+        ),
+    ],
+)
+def test_damage_is_named(scene, damage, sentence):
+    faults, _ = check_scene(damage(scene))
+    assert any(sentence in fault for fault in faults), faults
+
+
+def test_a_file_that_cannot_be_read_does_not_stop_the_others(scene, tmp_path):
+    good, bad = tmp_path / "bathroom-0.h5", tmp_path / "bathroom-1.h5"
+    save_scene(scene, good)
+    bad.write_bytes(good.read_bytes()[:-400])
+    checked = check_files([bad, good])
+    assert checked[0].scene is None
+    assert "bathroom-1.h5" in checked[0].faults[0]
+    assert checked[1].faults == ()
+    assert check_table(checked).row_count == 2
