@@ -177,11 +177,11 @@ def check_table(checked: Sequence[SceneCheck]) -> Table:
         title="Scene files",
         caption="unreached: states that no other state reaches; far: the longest path",
         box=box.SIMPLE_HEAD,
+        padding=(0, 1, 0, 0),
     )
     for heading in ("file", "type", "states", "unreached", "far", "frames", "features", "labels", "verdict"):
-        table.add_column(
-            heading, justify="right" if heading in ("states", "unreached", "far") else "left", no_wrap=heading == "file"
-        )
+        numeric = heading in ("states", "unreached", "far")
+        table.add_column(heading, justify="right" if numeric else "left", no_wrap=heading != "verdict")
     for record in checked:
         verdict = (
             "sound" if not record.faults else f"{len(record.faults)} faults" if len(record.faults) > 1 else "fault"
