@@ -40,7 +40,7 @@ class Rate:
     """One timed case.
 
     Attributes:
-        what: `environment`, `environment and policy` or `training`.
+        what: `environment`, `acting` (environment and policy) or `training`.
         workers: number of workers.
         t_max: steps of each worker in a rollout or update.
         frames: frames of a call.
@@ -160,7 +160,7 @@ def rates(settings: AgentSettings, repeats: int) -> list[Rate]:
     counted = UPDATES * operations(setting, network, frames // UPDATES)
     cases = {
         "environment": (lambda: environment(next(keys)), np.nan),
-        "environment and policy": (lambda: acting(next(keys), learner.parameters), np.nan),
+        "acting": (lambda: acting(next(keys), learner.parameters), np.nan),
         "training": (training, counted),
     }
     return [_rate(what, settings, frames, measure(call, repeats), work) for what, (call, work) in cases.items()]
@@ -231,14 +231,14 @@ def main(folder: Path = Path("runs/bench"), repeats: int = 10, workers: tuple[in
         writer.writeheader()
         writer.writerows(asdict(row) for row in rows)
     _draw(rows, folder / "agent.png")
-    table = Table(title=machine(), caption=f"A plain 2048 × 2048 float32 product: {peak:.0f} GFLOP/s")
-    for heading in ("", "workers", "t_max", "first s", "median ms", "worst ms", "frames/s", "GFLOP/s", "of product"):
-        table.add_column(heading, justify="right" if heading else "left")
+    caption = f"share: of a plain 2048 × 2048 float32 product, {peak:.0f} GFLOP/s"
+    table = Table(title=machine(), caption=caption, padding=(0, 0))
+    for heading in ("", "workers", "first s", "median ms", "worst ms", "frames/s", "GFLOP/s", "share"):
+        table.add_column(heading, justify="right" if heading else "left", no_wrap=True)
     for row in rows:
         table.add_row(
             row.what,
             f"{row.workers}",
-            f"{row.t_max}",
             f"{row.first_seconds:.1f}",
             f"{1e3 * row.median_seconds:.1f}",
             f"{1e3 * row.worst_seconds:.1f}",
