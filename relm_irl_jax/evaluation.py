@@ -161,14 +161,28 @@ def evaluate(key: PRNGKeyArray, policy: Policy, world: World, targets: Targets, 
     Returns:
         One finished episode a worker.
     """
-    numbers = np.arange(_n_scenes(world))
+    lane = scene_lanes(targets, _n_scenes(world), episodes)
+    return jax.tree.map(np.asarray, _run(key, policy, world, targets, lane, jnp.int32(cap)))
+
+
+def scene_lanes(targets: Targets, n_scenes: int, episodes: int) -> Lane:
+    """Lanes that tie episodes to scenes: each may be sent to every target of its scene.
+
+    Args:
+        targets: the targets, in the order of their scenes.
+        n_scenes: number of scenes.
+        episodes: number of episodes in each scene.
+
+    Returns:
+        One lane an episode; fields are [scenes, episodes].
+    """
+    numbers = np.arange(n_scenes)
     scene = np.asarray(targets.scene)
     spread = lambda values: jnp.asarray(np.repeat(values[:, None], episodes, 1), jnp.int32)  # noqa: E731
-    lane = Lane(
+    return Lane(
         first=spread(np.searchsorted(scene, numbers)),
-        count=spread(np.bincount(scene, minlength=len(numbers))),
+        count=spread(np.bincount(scene, minlength=n_scenes)),
     )
-    return jax.tree.map(np.asarray, _run(key, policy, world, targets, lane, jnp.int32(cap)))
 
 
 @jax.jit

@@ -131,7 +131,7 @@ def draw_split(training: Sequence[Scene], unseen: Sequence[Scene], settings: Tas
         own = [target for target in trained if target.scene == number]
         new += _new_targets(scene, number, own, settings.new_targets_per_scene, generator)
         taken = {target.state for target in own}
-        free = np.setdiff1d(_reachable(scene), list(taken))
+        free = np.setdiff1d(scene.reachable, list(taken))
         chosen = generator.choice(free, settings.new_targets_per_scene, replace=False)
         uniform += [Target(number, int(state)) for state in sorted(chosen)]
     similar = _similar_targets(training, unseen, trained, settings.new_targets_per_scene, generator)
@@ -143,7 +143,7 @@ def _training_targets(scenes: Sequence[Scene], count: int, generator: np.random.
     piles = []
     for number, scene in enumerate(scenes):
         if scene.visible_object is None:
-            piles.append([Target(number, int(state)) for state in generator.permutation(_reachable(scene))])
+            piles.append([Target(number, int(state)) for state in generator.permutation(scene.reachable)])
             continue
         views = _distinct(best_views(scene))
         categories = generator.permutation(sorted(views))
@@ -202,8 +202,8 @@ def _similar_targets(
     """
     for number, scene in enumerate(unseen):
         if scene.visible_object is None:
-            reachable = _reachable(scene)
-            for state in sorted(generator.choice(reachable, min(count, len(reachable)), replace=False)):
+            drawn = min(count, len(scene.reachable))
+            for state in sorted(generator.choice(scene.reachable, drawn, replace=False)):
                 yield Target(number, int(state))
             continue
         known = {t.category for t in trained if training[t.scene].room_type == scene.room_type}
@@ -212,11 +212,6 @@ def _similar_targets(
             raise InputError(f"{scene.name}: shows no object of a trained category; leave the scene out of Task III.")
         for category, state in sorted(_distinct(views).items()):
             yield Target(number, state, category)
-
-
-def _reachable(scene: Scene) -> np.ndarray:
-    """States that some other state can reach: the original dumps hold some that none can."""
-    return np.flatnonzero((scene.shortest_path_distance > 0).any(0))
 
 
 def _distinct(views: dict[str, int]) -> dict[str, int]:

@@ -22,10 +22,10 @@ from relm_irl_jax.agent.rollout import rollout
 from relm_irl_jax.agent.settings import AgentSettings
 from relm_irl_jax.agent.train import begin, network_of, run_chunk, worker_lanes
 from relm_irl_jax.agent.update import Learner, Setting
+from relm_irl_jax.benchmarks.irl import open_room
 from relm_irl_jax.benchmarks.timing import Timing, machine, measure
 from relm_irl_jax.progress import progress_bar
 from relm_irl_jax.rewards.model import LinearReward
-from relm_irl_jax.scenes.scene import Scene, pose_graph, shortest_path_distances
 from relm_irl_jax.tasks import Target
 from relm_irl_jax.world import build_targets, build_world
 
@@ -74,12 +74,9 @@ def setting_of(settings: AgentSettings) -> tuple[Setting, Learner, SiameseActorC
     generator = np.random.default_rng(0)
     scenes = []
     for number, places in enumerate(PLACES):
-        side = int(np.ceil(np.sqrt(places)))
-        location, rotation, graph = pose_graph([divmod(place, side) for place in range(places)])
-        features = generator.normal(size=(len(graph), FEATURES)).astype(np.float32)
-        scenes.append(
-            Scene(f"{number}", "bedroom", location, rotation, graph, shortest_path_distances(graph), features=features)
-        )
+        room = open_room(places)
+        features = generator.normal(size=(room.n_states, FEATURES)).astype(np.float32)
+        scenes.append(replace(room, name=f"{number}", features=features))
     world = build_world(scenes, [number // 2 for number in range(len(scenes))])
     count = [4, 4, 3, 3, 3, 3]
     chosen = [

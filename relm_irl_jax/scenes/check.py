@@ -59,7 +59,7 @@ def check_files(paths: Sequence[Path]) -> tuple[SceneCheck, ...]:
             checked.append(SceneCheck(path, None, 0, (str(error),), ()))
             continue
         faults, notes = check_scene(scene)
-        unreachable = int((~(scene.shortest_path_distance > 0).any(0)).sum())
+        unreachable = scene.n_states - len(scene.reachable)
         checked.append(SceneCheck(path, scene, unreachable, tuple(f"{path}: {fault}" for fault in faults), notes))
     return tuple(checked)
 
@@ -79,8 +79,9 @@ def check_scene(scene: Scene) -> tuple[tuple[str, ...], tuple[str, ...]]:
 
 def _poses(scene: Scene) -> list[str]:
     faults = []
-    if np.abs(scene.rotation / 90 - np.round(scene.rotation / 90)).max() * 90 > TOLERANCE:
-        state = int(np.argmax(np.abs(scene.rotation / 90 - np.round(scene.rotation / 90))))
+    off = np.abs(scene.rotation - 90 * np.round(scene.rotation / 90))
+    if off.max() > TOLERANCE:
+        state = int(off.argmax())
         faults.append(
             f"dataset `rotation` holds {scene.rotation[state]:g} at state {state}; headings are 0, 90, 180, 270."
         )

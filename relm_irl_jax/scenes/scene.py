@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float32, Float64, Int32, UInt8
+from jaxtyping import Float32, Float64, Int32, Int64, UInt8
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import shortest_path
 
@@ -69,6 +69,11 @@ class Scene:
     def n_states(self) -> int:
         """Number of states."""
         return len(self.graph)
+
+    @property
+    def reachable(self) -> Int64[np.ndarray, "reachable"]:
+        """States that some other state can reach, ascending; the original dumps hold some that none can."""
+        return np.flatnonzero((self.shortest_path_distance > 0).any(0))
 
     @property
     def views(self) -> UInt8[np.ndarray, "states height width 3"]:

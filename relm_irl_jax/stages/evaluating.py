@@ -3,14 +3,38 @@
 import jax
 
 from relm_irl_jax.agent.train import network_of
-from relm_irl_jax.config import METHODS, Config
-from relm_irl_jax.evaluation import RandomPolicy, evaluate, metrics, network_policy
+from relm_irl_jax.config import METHODS, Config, Method
+from relm_irl_jax.evaluation import Policy, RandomPolicy, evaluate, metrics, network_policy
 from relm_irl_jax.progress import progress_bar
 from relm_irl_jax.runs import RunFolder, load_parameters, write_json
 from relm_irl_jax.stages.encoding import EncodedScenes, encode_unseen
 from relm_irl_jax.stages.training import head_numbers, world_of
 from relm_irl_jax.tasks import draw_split
-from relm_irl_jax.world import build_targets
+from relm_irl_jax.world import Targets, World, build_targets
+
+
+def policy_of(
+    config: Config, folder: RunFolder, method: Method, seed: int, world: World, targets: Targets, n_heads: int
+) -> Policy:
+    """The trained agent of a method and seed, ready for scenes and targets.
+
+    Args:
+        config: the configuration as run.
+        folder: the run folder.
+        method: whose agent.
+        seed: which seed's agent.
+        world: the scenes.
+        targets: the targets.
+        n_heads: number of the network's heads.
+
+    Returns:
+        The policy.
+    """
+    if method == "random":
+        return RandomPolicy()
+    network = network_of(config.agent, n_heads)
+    parameters = load_parameters(folder.agent(method, seed))
+    return network_policy(network, parameters, world, targets, greedy=config.evaluation.policy == "greedy")
 
 
 def evaluate_task(config: Config, folder: RunFolder, training: EncodedScenes, task: str) -> dict:
@@ -39,13 +63,8 @@ def evaluate_task(config: Config, folder: RunFolder, training: EncodedScenes, ta
         for seed, method in jobs:
             split = draw_split(training.scenes, unseen, config.tasks, seed)
             targets = build_targets(scenes, split.of_task(task, config.evaluation))
-            if method == "random":
-                policy = RandomPolicy()
-            else:
-                network = network_of(config.agent, head_numbers(config, scenes, training.scenes)[1])
-                parameters = load_parameters(folder.agent(method, seed))
-                greedy = config.evaluation.policy == "greedy"
-                policy = network_policy(network, parameters, world, targets, greedy=greedy)
+            n_heads = head_numbers(config, scenes, training.scenes)[1]
+            policy = policy_of(config, folder, method, seed, world, targets, n_heads)
             key = jax.random.fold_in(jax.random.key(seed), 1)
             episodes = evaluate(key, policy, world, targets, config.tasks.cap, config.evaluation.episodes)
             for number, scene in enumerate(scenes):

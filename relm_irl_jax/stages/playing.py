@@ -10,16 +10,16 @@ from jaxtyping import Int32, UInt8
 from PIL import Image, ImageDraw
 
 from relm_irl_jax import env
-from relm_irl_jax.agent.train import network_of
 from relm_irl_jax.config import Config, Method
-from relm_irl_jax.env import Episode, Lane
+from relm_irl_jax.env import Episode
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.evaluation import Policy, RandomPolicy, network_policy
+from relm_irl_jax.evaluation import Policy, scene_lanes
 from relm_irl_jax.progress import progress_bar
-from relm_irl_jax.runs import RunFolder, load_parameters
+from relm_irl_jax.runs import RunFolder
 from relm_irl_jax.scenes.catalog import training_scenes, unseen_scenes
 from relm_irl_jax.scenes.scene import GRID_STEP, Scene
 from relm_irl_jax.stages.encoding import encode_training, encode_unseen
+from relm_irl_jax.stages.evaluating import policy_of
 from relm_irl_jax.stages.training import head_numbers, world_of
 from relm_irl_jax.tasks import draw_split
 from relm_irl_jax.world import Targets, World, build_targets, scene_offsets
@@ -76,12 +76,8 @@ def play(
     split = draw_split(training.scenes, unseen, config.tasks, seed)
     world = world_of(config, scenes, training.scenes)
     targets = build_targets(scenes, split.of_task(task, config.evaluation))
-    if method == "random":
-        policy = RandomPolicy()
-    else:
-        network = network_of(config.agent, head_numbers(config, scenes, training.scenes)[1])
-        parameters = load_parameters(folder.agent(method, seed))
-        policy = network_policy(network, parameters, world, targets, greedy=config.evaluation.policy == "greedy")
+    n_heads = head_numbers(config, scenes, training.scenes)[1]
+    policy = policy_of(config, folder, method, seed, world, targets, n_heads)
     walks = walk_all(
         jax.random.fold_in(jax.random.key(seed), episode), policy, world, targets, scenes, config.tasks.cap
     )
@@ -111,12 +107,7 @@ def walk_all(
     Returns:
         One walk a scene.
     """
-    own = np.asarray(targets.scene)
-    numbers = np.arange(len(scenes))
-    lane = Lane(
-        first=jnp.asarray(np.searchsorted(own, numbers)[:, None], jnp.int32),
-        count=jnp.asarray(np.bincount(own, minlength=len(scenes))[:, None], jnp.int32),
-    )
+    lane = scene_lanes(targets, len(scenes), 1)
     reset_key, key = jax.random.split(key)
     each = lambda function: jax.vmap(jax.vmap(function))  # noqa: E731
     keys = jax.random.split(reset_key, lane.first.shape)
