@@ -6,6 +6,7 @@ STAMP  := $(VENV)/.ready-$(shell cat requirements.lock pyproject.toml | cksum | 
 
 TASK   ?= II
 METHOD ?= all
+AGENT  ?= siamese
 SCENES ?= rooms
 SEEDS  ?=
 FRAMES ?=
@@ -26,8 +27,8 @@ $(STAMP):
 
 setup: $(STAMP)  ## Create .venv with the locked packages.
 
-train: $(STAMP)  ## Train and evaluate: TASK=I|II|III METHOD= SCENES= SEEDS= FRAMES= RUN= ARGS=.
-	@$(BIN)/relm-irl train --task '$(TASK)' --methods '$(METHOD)' --scenes '$(SCENES)' \
+train: $(STAMP)  ## Train and evaluate: TASK=I|II|III METHOD= AGENT=siamese|metric SCENES= SEEDS= FRAMES= RUN= ARGS=.
+	@$(BIN)/relm-irl train --task '$(TASK)' --methods '$(METHOD)' --agent '$(AGENT)' --scenes '$(SCENES)' \
 	  $(if $(SEEDS),--seeds '$(SEEDS)') $(if $(FRAMES),--frames '$(FRAMES)') $(if $(RUN),--run '$(RUN)') $(ARGS)
 
 evaluate: $(STAMP)  ## Evaluate a finished run on another task: RUN= TASK=.

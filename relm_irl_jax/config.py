@@ -9,7 +9,7 @@ from typing import Any, Literal
 from pydantic import PositiveInt, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
-from relm_irl_jax.agent.settings import AgentSettings
+from relm_irl_jax.agent.settings import MetricSettings, SiameseSettings
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.features.encoder import EncoderSettings
 from relm_irl_jax.rewards.assemble import ManualSettings
@@ -19,6 +19,7 @@ from relm_irl_jax.scenes.catalog import ROOMS, SceneSettings
 from relm_irl_jax.tasks import EvaluationSettings, TaskSettings
 
 Task = Literal["I", "II", "III"]
+Agent = Literal["siamese", "metric"]
 Method = Literal["random", "bc", "rl", "irl", "elm-irl", "relm-irl"]
 METHODS: tuple[Method, ...] = ("random", "bc", "rl", "irl", "elm-irl", "relm-irl")
 """Every method, in the order of the tables."""
@@ -58,8 +59,12 @@ class Config:
     """Demonstrations and inverse reinforcement learning."""
     elm: ElmSettings = ElmSettings()
     """Extreme learning machine."""
-    agent: AgentSettings = AgentSettings()
-    """Actor-critic."""
+    agent: Agent = "siamese"
+    """`siamese` for the paper's actor-critic, `metric` for the agent that learns distances between views."""
+    siamese: SiameseSettings = SiameseSettings()
+    """The paper's agent."""
+    metric: MetricSettings = MetricSettings()
+    """The metric agent."""
     evaluation: EvaluationSettings = EvaluationSettings()
     """Evaluation."""
 

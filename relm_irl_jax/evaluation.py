@@ -6,11 +6,13 @@ from typing import Protocol
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Int32, PRNGKeyArray
+from jaxtyping import Array, Bool, Float32, Int32, PRNGKeyArray
 
 from relm_irl_jax import env
-from relm_irl_jax.agent.networks import FusionTables, Parameters, SiameseActorCritic, forward, tabulate
+from relm_irl_jax.agent.metric.network import MetricNetwork, Places, distance, places_of
 from relm_irl_jax.agent.rollout import sample_action
+from relm_irl_jax.agent.settings import MetricSettings
+from relm_irl_jax.agent.siamese.network import FusionTables, Parameters, SiameseActorCritic, forward, tabulate
 from relm_irl_jax.env import Lane
 from relm_irl_jax.scenes.scene import ACTIONS
 from relm_irl_jax.world import Targets, World
@@ -88,6 +90,59 @@ def network_policy(
     tables = tabulate(network, parameters, world.features, targets.state)
     first_state = jnp.searchsorted(world.scene, jnp.arange(_n_scenes(world)))
     return NetworkPolicy(parameters, tables, world.head[first_state], network, greedy)
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class MetricPolicy:
+    """A trained metric agent, the places of the scenes and targets at hand computed.
+
+    Attributes:
+        after: place behind each action in every state.
+        wanted: place of every target.
+        settings: form of the distance, and how sharply it is followed. Static.
+        greedy: take the most probable action instead of drawing from the policy. Static.
+    """
+
+    after: Float32[Array, "states 4 dimension"]
+    wanted: Float32[Array, "targets dimension"]
+    settings: MetricSettings = field(metadata={"static": True})
+    greedy: bool = field(default=False, metadata={"static": True})
+
+    def __call__(
+        self, key: PRNGKeyArray, state: Int32[Array, "scenes batch"], target: Int32[Array, "scenes batch"]
+    ) -> Int32[Array, "scenes batch"]:
+        """Return one action a worker."""
+        steps = distance(self.after[state], self.wanted[target][..., None, :], self.settings)
+        if self.greedy:
+            return jnp.argmin(steps, -1).astype(jnp.int32)
+        return sample_action(key, -self.settings.acting_sharpness * steps)
+
+
+def metric_policy(
+    network: MetricNetwork,
+    parameters: Parameters,
+    world: World,
+    targets: Targets,
+    settings: MetricSettings,
+    *,
+    greedy: bool = False,
+) -> MetricPolicy:
+    """Prepare a trained metric agent for evaluation.
+
+    Args:
+        network: the network.
+        parameters: its parameters.
+        world: the scenes of the evaluation.
+        targets: the targets of the evaluation.
+        settings: the agent's settings.
+        greedy: take the most probable action instead of drawing from the policy.
+
+    Returns:
+        The policy.
+    """
+    places: Places = jax.jit(places_of, static_argnums=0)(network, parameters, world.features)
+    return MetricPolicy(places.after, places.here[targets.state], settings, greedy)
 
 
 @jax.tree_util.register_dataclass

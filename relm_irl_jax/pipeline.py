@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 from relm_irl_jax.config import Config, Method
+from relm_irl_jax.errors import InputError
 from relm_irl_jax.report.page import machine, write_report
 from relm_irl_jax.runs import RunFolder, open_run, write_json
 from relm_irl_jax.scenes.catalog import check_source
@@ -48,6 +49,8 @@ def run(config: Config) -> tuple[RunFolder, dict]:
         InputError: the configuration, the scenes or the run folder cannot be used.
     """
     check_source(config.scenes)
+    if config.agent == "metric" and "bc" in config.methods:
+        raise InputError("methods: bc clones the siamese agent's policy; leave it out, or use --agent siamese.")
     folder = open_run(config)
     stopwatch = Stopwatch()
     with stopwatch("scenes and features"):

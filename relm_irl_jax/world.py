@@ -27,7 +27,7 @@ class World:
         successor: next state for each action; a collision leads back to the state.
         scene: number of each state's scene.
         local: number of each state within its scene.
-        head: number of the network head that serves each state, see `relm_irl_jax.agent.networks`.
+        head: number of the network head that serves each state, see `relm_irl_jax.agent.siamese.network`.
         features: encoded view of each state.
     """
 

@@ -30,8 +30,8 @@ def test_there_are_experiments():
     [
         ("frames = 0", r"c\.toml: frames = 0 is refused: input should be greater than 0"),
         ('task = "IV"', r"c\.toml: task = 'IV' is refused"),
-        ("[agent]\nworkres = 3", r"c\.toml: unknown field `agent\.workres`"),
-        ("agent = 3", r"c\.toml: `agent` is a group of fields"),
+        ("[siamese]\nworkres = 3", r"c\.toml: unknown field `siamese\.workres`"),
+        ("siamese = 3", r"c\.toml: `siamese` is a group of fields"),
         ("frames = = 3", r"c\.toml: is not valid TOML"),
     ],
 )
@@ -51,7 +51,7 @@ def test_agents_do_not_depend_on_task_methods_seeds_or_evaluation():
     other = replace(config, task="I", methods=("rl",), seeds=5, run=Path("x"))
     assert fingerprint(config) == fingerprint(other)
     assert fingerprint(config) != fingerprint(replace(config, frames=5))
-    assert fingerprint(config) != fingerprint(replace(config, agent=replace(config.agent, width=8)))
+    assert fingerprint(config) != fingerprint(replace(config, siamese=replace(config.siamese, width=8)))
 
 
 def test_methods_come_in_the_order_of_the_tables():

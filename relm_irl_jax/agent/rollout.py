@@ -2,19 +2,21 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float32, Int32, PRNGKeyArray
 
 from relm_irl_jax import env
-from relm_irl_jax.agent.networks import Activations
 from relm_irl_jax.env import Episode, Lane
 from relm_irl_jax.rewards.model import RewardModel
 from relm_irl_jax.world import Targets, World
 
-Network = Callable[[Int32[Array, "groups batch"], Int32[Array, "groups batch"]], Activations]
-"""Forward pass for states and targets of all workers."""
+Actor = Callable[
+    [PRNGKeyArray, Int32[Array, "groups batch"], Int32[Array, "groups batch"]], tuple[Int32[Array, "groups batch"], Any]
+]
+"""Maps a key, states and targets of all workers to one action each, and to what learning wants kept beside it."""
 
 
 @jax.tree_util.register_dataclass
@@ -30,7 +32,7 @@ class Experience:
         next_state: state after the action, also where the episode ended.
         terminated: the action reached the target.
         truncated: the action was the episode's last allowed one.
-        activations: the network's forward pass at the state.
+        record: what the actor kept beside its action.
     """
 
     state: Int32[Array, "time groups batch"]
@@ -40,7 +42,7 @@ class Experience:
     next_state: Int32[Array, "time groups batch"]
     terminated: Bool[Array, "time groups batch"]
     truncated: Bool[Array, "time groups batch"]
-    activations: Activations
+    record: Any
 
 
 @jax.tree_util.register_dataclass
@@ -80,7 +82,7 @@ def sample_action(key: PRNGKeyArray, logits: Float32[Array, "*batch 4"]) -> Int3
 
 def rollout(
     key: PRNGKeyArray,
-    network: Network,
+    actor: Actor,
     episode: Episode,
     lane: Lane,
     world: World,
@@ -93,7 +95,7 @@ def rollout(
 
     Args:
         key: source of randomness.
-        network: the forward pass, whose logits are the policy.
+        actor: the agent.
         episode: where each worker stands; every field is [groups, batch].
         lane: targets that each worker may be sent to; every field is [groups, batch].
         world: the scenes.
@@ -109,8 +111,7 @@ def rollout(
 
     def advance(episode: Episode, key: PRNGKeyArray) -> tuple[Episode, tuple[Experience, EpisodeSums]]:
         action_key, reset_key = jax.random.split(key)
-        activations = network(episode.state, episode.target)
-        action = sample_action(action_key, activations.logits)
+        action, record = actor(action_key, episode.state, episode.target)
         after, transition = over_workers(lambda e, a: env.step(e, a, world, targets, cap))(episode, action)
         reward = over_workers(lambda t: reward_model(t, world, targets))(transition)
         done = transition.terminated | transition.truncated
@@ -134,7 +135,7 @@ def rollout(
             next_state=transition.next_state,
             terminated=transition.terminated,
             truncated=transition.truncated,
-            activations=activations,
+            record=record,
         )
         return following, (experience, sums)
 

@@ -17,11 +17,11 @@ from jaxtyping import Array, PRNGKeyArray
 from rich.console import Console
 from rich.table import Table
 
-from relm_irl_jax.agent.networks import Activations, SiameseActorCritic, forward, tabulate
-from relm_irl_jax.agent.rollout import rollout
-from relm_irl_jax.agent.settings import AgentSettings
-from relm_irl_jax.agent.train import begin, network_of, run_chunk, worker_lanes
-from relm_irl_jax.agent.update import Learner, Setting
+from relm_irl_jax.agent.rollout import rollout, sample_action
+from relm_irl_jax.agent.settings import SiameseSettings
+from relm_irl_jax.agent.siamese.network import SiameseActorCritic, forward, tabulate
+from relm_irl_jax.agent.siamese.train import begin, network_of, run_chunk, worker_lanes
+from relm_irl_jax.agent.siamese.update import Learner, Setting, sampling_actor
 from relm_irl_jax.benchmarks.irl import open_room
 from relm_irl_jax.benchmarks.timing import Timing, machine, measure
 from relm_irl_jax.progress import progress_bar
@@ -62,7 +62,7 @@ class Rate:
     gflops: float
 
 
-def setting_of(settings: AgentSettings) -> tuple[Setting, Learner, SiameseActorCritic]:
+def setting_of(settings: SiameseSettings) -> tuple[Setting, Learner, SiameseActorCritic]:
     """Six empty rooms, twenty targets and a learned reward.
 
     Args:
@@ -119,7 +119,7 @@ def operations(setting: Setting, network: SiameseActorCritic, frames: int) -> fl
     return float(shared + fusion + heads)
 
 
-def rates(settings: AgentSettings, repeats: int) -> list[Rate]:
+def rates(settings: SiameseSettings, repeats: int) -> list[Rate]:
     """Time the environment, acting and training with one number of workers.
 
     Args:
@@ -134,9 +134,8 @@ def rates(settings: AgentSettings, repeats: int) -> list[Rate]:
     workers = setting.lane.first.size
     keys = iter(jax.random.split(jax.random.key(1), 4 * (repeats + 1)))
 
-    def indifferent(state: Array, target: Array) -> Activations:
-        nothing = jnp.zeros((*state.shape, 0))
-        return Activations(nothing, nothing, jnp.zeros((*state.shape, 4)), jnp.zeros(state.shape))
+    def indifferent(key: PRNGKeyArray, state: Array, target: Array) -> tuple[Array, None]:
+        return sample_action(key, jnp.zeros((*state.shape, 4))), None
 
     @jax.jit
     def environment(key: PRNGKeyArray):
@@ -147,7 +146,7 @@ def rates(settings: AgentSettings, repeats: int) -> list[Rate]:
     def acting(key: PRNGKeyArray, parameters):
         tables = tabulate(network, parameters, setting.world.features, setting.targets.state)
         at = lambda state, target: forward(network, parameters, tables, state, target, heads)  # noqa: E731
-        episode, experience, sums = _roll(key, at, setting, learner, UPDATES * settings.t_max)
+        episode, experience, sums = _roll(key, sampling_actor(at), setting, learner, UPDATES * settings.t_max)
         return episode, experience.reward.sum(), sums
 
     def training():
@@ -163,10 +162,10 @@ def rates(settings: AgentSettings, repeats: int) -> list[Rate]:
     return [_rate(what, settings, frames, measure(call, repeats), work) for what, (call, work) in cases.items()]
 
 
-def _roll(key: PRNGKeyArray, network, setting: Setting, learner: Learner, length: int):
+def _roll(key: PRNGKeyArray, actor, setting: Setting, learner: Learner, length: int):
     return rollout(
         key,
-        network,
+        actor,
         learner.episode,
         setting.lane,
         setting.world,
@@ -177,7 +176,7 @@ def _roll(key: PRNGKeyArray, network, setting: Setting, learner: Learner, length
     )
 
 
-def _rate(what: str, settings: AgentSettings, frames: int, timing: Timing, work: float) -> Rate:
+def _rate(what: str, settings: SiameseSettings, frames: int, timing: Timing, work: float) -> Rate:
     return Rate(
         what,
         settings.workers,
@@ -220,7 +219,7 @@ def main(folder: Path = Path("runs/bench"), repeats: int = 10, workers: tuple[in
     rows: list[Rate] = []
     with progress_bar("agent benchmark", len(workers), "cases") as advance:
         for count in workers:
-            rows += rates(replace(AgentSettings(), workers=count), repeats)
+            rows += rates(replace(SiameseSettings(), workers=count), repeats)
             advance(1)
     peak = plain_product(repeats)
     with (folder / "agent.csv").open("w", newline="") as file:

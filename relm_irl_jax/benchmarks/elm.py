@@ -17,6 +17,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Float64
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 from rich.console import Console
 from rich.table import Table
 
@@ -193,6 +194,7 @@ def draw(rows: list[Row], path: Path) -> None:
         fixed = ", ".join(f"{name} = {getattr(line[0], name)}" for name in SCALING if name != axis)
         axes.set(xlabel=axis, title=fixed)
         axes.grid(alpha=0.3, which="both")
+        axes.xaxis.set_minor_formatter(NullFormatter())
     figure.axes[0].set_ylabel("seconds (median)")
     figure.axes[0].legend()
     figure.suptitle(f"MRSR + PRESS of every prefix + refit: {machine()}", fontsize=8)
@@ -222,28 +224,16 @@ def main(folder: str | Path = "runs/bench/elm", repeats: int = REPEATS, *, scali
             writer.writeheader()
             writer.writerows(asdict(row) for row in rows)
 
-    table = Table(title=f"ELM: MRSR + PRESS + refit\n{machine()}")
-    for name in (
-        "case",
-        "method",
-        "N",
-        "L",
-        "p",
-        "first s",
-        "median s",
-        "worst s",
-        "repeats",
-        "kept",
-        "held-out error",
-    ):
-        table.add_column(name, justify="left" if name in ("case", "method") else "right")
+    caption = f"{repeats} repeats; error: on unseen samples, as a share of the variance"
+    table = Table(title=f"ELM: MRSR + PRESS + refit\n{machine()}", caption=caption, padding=(0, 0))
+    for name in ("case", "method", "N × L × p", "first s", "median s", "worst s", "kept", "error"):
+        table.add_column(name, justify="left" if name in ("case", "method") else "right", no_wrap=True)
     for row in rows:
         table.add_row(
             row.group,
-            row.method,
-            *(str(size) for size in (row.N, row.L, row.p)),
+            row.method.removeprefix("relm-irl-jax, "),
+            f"{row.N}×{row.L}×{row.p}",
             *(f"{seconds:.3f}" for seconds in (row.first, row.median, row.worst)),
-            str(row.repeats),
             "" if row.kept is None else str(row.kept),
             "" if row.error is None else f"{row.error:.5f}",
         )

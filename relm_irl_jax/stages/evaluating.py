@@ -2,9 +2,10 @@
 
 import jax
 
-from relm_irl_jax.agent.train import network_of
+from relm_irl_jax.agent.metric.network import metric_network
+from relm_irl_jax.agent.siamese.train import network_of
 from relm_irl_jax.config import METHODS, Config, Method
-from relm_irl_jax.evaluation import Policy, RandomPolicy, evaluate, metrics, network_policy
+from relm_irl_jax.evaluation import Policy, RandomPolicy, evaluate, metric_policy, metrics, network_policy
 from relm_irl_jax.progress import progress_bar
 from relm_irl_jax.runs import RunFolder, load_parameters, write_json
 from relm_irl_jax.stages.encoding import EncodedScenes, encode_unseen
@@ -32,9 +33,11 @@ def policy_of(
     """
     if method == "random":
         return RandomPolicy()
-    network = network_of(config.agent, n_heads)
     parameters = load_parameters(folder.agent(method, seed))
-    return network_policy(network, parameters, world, targets, greedy=config.evaluation.policy == "greedy")
+    greedy = config.evaluation.policy == "greedy"
+    if config.agent == "metric":
+        return metric_policy(metric_network(config.metric), parameters, world, targets, config.metric, greedy=greedy)
+    return network_policy(network_of(config.siamese, n_heads), parameters, world, targets, greedy=greedy)
 
 
 def evaluate_task(config: Config, folder: RunFolder, training: EncodedScenes, task: str) -> dict:

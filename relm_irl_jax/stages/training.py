@@ -6,13 +6,16 @@ from collections.abc import Sequence
 import jax
 import numpy as np
 
-from relm_irl_jax.agent.cloning import Decisions, clone, decisions_of
-from relm_irl_jax.agent.train import train
+from relm_irl_jax.agent.metric.costs import Goals
+from relm_irl_jax.agent.metric.train import train_metric
+from relm_irl_jax.agent.siamese.cloning import Decisions, clone, decisions_of
+from relm_irl_jax.agent.siamese.train import train
 from relm_irl_jax.config import Config, Method
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.progress import progress_bar
 from relm_irl_jax.rewards.assemble import demonstrated_reward, manual_reward, predicted_reward
 from relm_irl_jax.rewards.demonstrations import demonstrations_of
+from relm_irl_jax.rewards.goals import demonstrated_goals, manual_goals, predicted_goals
 from relm_irl_jax.rewards.model import RewardModel
 from relm_irl_jax.runs import RunFolder, save_parameters, write_table
 from relm_irl_jax.scenes.scene import Scene
@@ -35,12 +38,14 @@ def head_numbers(config: Config, scenes: Sequence[Scene], training: Sequence[Sce
     Raises:
         InputError: a scene's room type was never trained.
     """
-    if config.agent.heads == "shared":
+    if config.siamese.heads == "shared" or config.agent == "metric":
         return [0] * len(scenes), 1
     room_types = list(dict.fromkeys(scene.room_type for scene in training))
     for scene in scenes:
         if scene.room_type not in room_types:
-            raise InputError(f"{scene.name}: no scene of type {scene.room_type} is trained; use agent.heads = shared.")
+            raise InputError(
+                f"{scene.name}: no scene of type {scene.room_type} is trained; use siamese.heads = shared."
+            )
     return [room_types.index(scene.room_type) for scene in scenes], len(room_types)
 
 
@@ -84,7 +89,7 @@ def reward_of(
         # so that the entropy weighs alike in both.
         return manual_reward(config.manual), 1.0
     assert learned is not None
-    scale = config.irl.program.r_max * config.agent.cost_horizon
+    scale = config.irl.program.r_max * config.siamese.cost_horizon
     if method == "irl":
         model = demonstrated_reward(scenes, split.training, learned.records, learned.basis, config.irl)
     else:
@@ -122,23 +127,68 @@ def train_method(
     with progress_bar(f"training {method}, seed {seed}", config.frames, "frames") as advance:
         if method == "bc":
             decisions = cloned_decisions(config, scenes, split, seed, world, n_heads)
-            parameters, curve = clone(key, world, targets, decisions, n_heads, config.agent, config.frames, advance)
+            parameters, curve = clone(key, world, targets, decisions, n_heads, config.siamese, config.frames, advance)
         else:
             reward_model, scale = reward_of(config, method, scenes, split, learned)
-            parameters, curve = train(
-                key,
-                world,
-                targets,
-                reward_model,
-                scale,
-                n_heads,
-                config.agent,
-                config.tasks.cap,
-                config.frames,
-                advance,
-            )
+            if config.agent == "metric":
+                goals = goals_of(config, method, scenes, split, learned, seed)
+                parameters, curve = train_metric(
+                    key,
+                    world,
+                    targets,
+                    reward_model,
+                    goals,
+                    config.metric,
+                    config.tasks.cap,
+                    config.frames,
+                    advance,
+                )
+            else:
+                parameters, curve = train(
+                    key,
+                    world,
+                    targets,
+                    reward_model,
+                    scale,
+                    n_heads,
+                    config.siamese,
+                    config.tasks.cap,
+                    config.frames,
+                    advance,
+                )
     write_table(folder.curve(method, seed), {f.name: getattr(curve, f.name) for f in dataclasses.fields(curve)})
     save_parameters(folder.agent(method, seed), parameters)
+
+
+def goals_of(
+    config: Config,
+    method: Method,
+    scenes: Sequence[Scene],
+    split: TaskSplit,
+    learned: LearnedRewards | None,
+    seed: int,
+) -> Goals:
+    """Views that the metric agent sets itself as targets under a method's reward.
+
+    Args:
+        config: the configuration.
+        method: the method.
+        scenes: encoded training scenes.
+        split: the targets of all tasks.
+        learned: the learned rewards; not needed by RL.
+        seed: the run's seed.
+
+    Returns:
+        The goals.
+    """
+    hindsight = config.metric.hindsight
+    if method == "rl":
+        return manual_goals(scenes, split, hindsight, config.manual)
+    assert learned is not None
+    if method == "irl":
+        return demonstrated_goals(scenes, split, hindsight, learned.records, learned.basis, config.irl)
+    generator = np.random.default_rng([seed, 5])
+    return predicted_goals(scenes, split, hindsight, learned.machines[method], learned.basis, config.irl, generator)
 
 
 def cloned_decisions(

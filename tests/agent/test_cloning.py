@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from builders import grid_scene
 
-from relm_irl_jax.agent.cloning import clone, decisions_of
-from relm_irl_jax.agent.networks import forward, tabulate
-from relm_irl_jax.agent.settings import AgentSettings
-from relm_irl_jax.agent.train import network_of
+from relm_irl_jax.agent.settings import SiameseSettings
+from relm_irl_jax.agent.siamese.cloning import clone, decisions_of
+from relm_irl_jax.agent.siamese.network import forward, tabulate
+from relm_irl_jax.agent.siamese.train import network_of
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.experts import expert_trajectories
 from relm_irl_jax.tasks import Target
@@ -42,7 +42,7 @@ def test_decisions_are_sorted_by_head():
 
 def test_demonstrated_decisions_are_taken_over():
     world, targets, state, target, action = two_rooms()
-    settings = AgentSettings(workers=16, t_max=4, width=32, learning_rate=1e-2)
+    settings = SiameseSettings(workers=16, t_max=4, width=32, learning_rate=1e-2)
     decisions = decisions_of(state, target, action, world, 2)
     parameters, curve = clone(jax.random.key(0), world, targets, decisions, 2, settings, 8_000)
     assert curve.accuracy[-1] == 1.0

@@ -8,12 +8,12 @@ import textwrap
 PROGRAM = textwrap.dedent("""
     import jax, numpy as np
     from test_update import STEP_COST, room
-    from relm_irl_jax.agent.settings import AgentSettings
-    from relm_irl_jax.agent.train import train
+    from relm_irl_jax.agent.settings import SiameseSettings
+    from relm_irl_jax.agent.siamese.train import train
 
     assert jax.device_count() == 8
     world, targets = room()
-    settings = AgentSettings(workers=32, t_max=4, width=8)
+    settings = SiameseSettings(workers=32, t_max=4, width=8)
     runs = [
         train(jax.random.key(5), world, targets, STEP_COST, 10.0, 2, settings, 20, 4096, devices=jax.devices()[:count])
         for count in (1, 8)

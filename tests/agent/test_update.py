@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from builders import grid_scene
 
-from relm_irl_jax.agent.networks import Activations, SiameseActorCritic, backward, forward, tabulate
 from relm_irl_jax.agent.rollout import Experience, rollout, sample_action
-from relm_irl_jax.agent.settings import AgentSettings
-from relm_irl_jax.agent.train import begin, run_chunk, train, worker_lanes
-from relm_irl_jax.agent.update import Setting, actor_critic_loss, n_step_returns, values_behind
+from relm_irl_jax.agent.settings import SiameseSettings
+from relm_irl_jax.agent.siamese.network import Activations, SiameseActorCritic, backward, forward, tabulate
+from relm_irl_jax.agent.siamese.train import begin, run_chunk, train, worker_lanes
+from relm_irl_jax.agent.siamese.update import Setting, actor_critic_loss, n_step_returns, values_behind
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.rewards.model import ManualReward
 from relm_irl_jax.tasks import Target
@@ -104,9 +104,8 @@ def setting_and_learner(settings):
     return Setting(world, targets, lane, STEP_COST, jnp.float32(10.0)), learner, network
 
 
-def indifferent(state, target):
-    nothing = jnp.zeros((*state.shape, 0))
-    return Activations(nothing, nothing, jnp.zeros((*state.shape, 4)), jnp.zeros(state.shape))
+def indifferent(key, state, target):
+    return sample_action(key, jnp.zeros((*state.shape, 4))), None
 
 
 def indifferent_rollout(key, setting, learner, cap, length):
@@ -119,7 +118,7 @@ def indifferent_rollout(key, setting, learner, cap, length):
 
 
 def test_rollout_counts_every_episode_and_redraws_start_and_target():
-    settings = AgentSettings(workers=64, t_max=40, width=8)
+    settings = SiameseSettings(workers=64, t_max=40, width=8)
     setting, learner, _ = setting_and_learner(settings)
     _, experience, sums = indifferent_rollout(jax.random.key(3), setting, learner, 30, settings.t_max)
     done = np.asarray(experience.terminated | experience.truncated)
@@ -138,7 +137,7 @@ def test_rollout_counts_every_episode_and_redraws_start_and_target():
 
 def test_loss_equals_a_hand_written_loop():
     """One worker, four steps: truncated at the second, terminated at the third."""
-    settings = AgentSettings(discount=0.9, value_weight=0.5, entropy_weight=0.1, t_max=4)
+    settings = SiameseSettings(discount=0.9, value_weight=0.5, entropy_weight=0.1, t_max=4)
     generator = np.random.default_rng(2)
     logits, value = generator.normal(size=(10, 4)), generator.normal(size=10)
     state, next_state = [0, 1, 2, 3], [1, 7, 8, 9]
@@ -152,7 +151,7 @@ def test_loss_equals_a_hand_written_loop():
         next_state=column(next_state, jnp.int32),
         terminated=column([False, False, True, False], bool),
         truncated=column([False, True, False, False], bool),
-        activations=Activations(
+        record=Activations(
             fused=jnp.zeros((4, 1, 1, 0)),
             hidden=jnp.zeros((4, 1, 1, 0)),
             logits=jnp.asarray(logits[state], jnp.float32).reshape(4, 1, 1, 4),
@@ -160,7 +159,7 @@ def test_loss_equals_a_hand_written_loop():
         ),
     )
     next_value = values_behind(lambda s, t: jnp.asarray(value, jnp.float32)[s], experience)
-    acting = experience.activations
+    acting = experience.record
     loss = actor_critic_loss(acting.logits, acting.value, next_value, experience, jnp.float32(2.0), settings)
 
     last = 0.125 + 0.9 * value[9]
@@ -177,7 +176,7 @@ def test_loss_equals_a_hand_written_loop():
 
 
 def test_gradient_over_workers_is_the_mean_of_single_workers():
-    settings = AgentSettings(workers=8, t_max=5, width=8)
+    settings = SiameseSettings(workers=8, t_max=5, width=8)
     setting, learner, network = setting_and_learner(settings)
     world, targets = setting.world, setting.targets
     _, experience, _ = indifferent_rollout(jax.random.key(4), setting, learner, 7, settings.t_max)
@@ -188,7 +187,7 @@ def test_gradient_over_workers_is_the_mean_of_single_workers():
             tables = tabulate(network, parameters, world.features, targets.state)
             at = lambda s, t: forward(network, parameters, tables, s, t, jnp.arange(2))  # noqa: E731
             acting = jax.vmap(at)(experience.state, experience.target)
-            seen = dataclasses.replace(experience, activations=acting)
+            seen = dataclasses.replace(experience, record=acting)
             next_value = values_behind(lambda s, t: at(s, t).value, seen)
             return actor_critic_loss(acting.logits, acting.value, next_value, seen, jnp.float32(10.0), settings)
 
@@ -202,7 +201,7 @@ def test_gradient_over_workers_is_the_mean_of_single_workers():
 
 
 def test_memory_of_metrics_does_not_grow_with_updates():
-    settings = AgentSettings(workers=4, t_max=2, width=4)
+    settings = SiameseSettings(workers=4, t_max=2, width=4)
     setting, learner, network = setting_and_learner(settings)
     shapes = [
         jax.tree.map(
@@ -221,7 +220,7 @@ def test_memory_of_metrics_does_not_grow_with_updates():
 
 
 def test_same_key_same_agent():
-    settings = AgentSettings(workers=8, t_max=4, width=8)
+    settings = SiameseSettings(workers=8, t_max=4, width=8)
     world, targets = room()
     runs = [train(jax.random.key(5), world, targets, STEP_COST, 10.0, 2, settings, 20, 500) for _ in range(2)]
     for a, b in zip(jax.tree.leaves(runs[0][0]), jax.tree.leaves(runs[1][0]), strict=True):
@@ -230,7 +229,7 @@ def test_same_key_same_agent():
 
 def test_a_small_room_is_learned():
     """A 2 × 2 and a 3 × 2 room with distinct views: the agent comes within a step of the shortest paths."""
-    settings = AgentSettings(workers=64, t_max=8, width=32, entropy_weight=0.003)
+    settings = SiameseSettings(workers=64, t_max=8, width=32, entropy_weight=0.003)
     world, targets = room(40)
     _, curve = train(jax.random.key(0), world, targets, STEP_COST, 10.0, 2, settings, 30, 160_000)
     assert curve.success_rate[-1] == 1.0
@@ -241,8 +240,8 @@ def test_a_small_room_is_learned():
 @pytest.mark.parametrize(
     ("settings", "cap", "message"),
     [
-        (AgentSettings(t_max=16), 10, r"tasks\.cap: 10 is below agent\.t_max"),
-        (AgentSettings(workers=1), 50, r"agent\.workers: 1 workers cannot serve 2 heads"),
+        (SiameseSettings(t_max=16), 10, r"tasks\.cap: 10 is below siamese\.t_max"),
+        (SiameseSettings(workers=1), 50, r"siamese\.workers: 1 workers cannot serve 2 heads"),
     ],
 )
 def test_settings_that_cannot_work_are_refused(settings, cap, message):

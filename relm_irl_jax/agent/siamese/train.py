@@ -10,11 +10,11 @@ import numpy as np
 from jaxtyping import Float64, PRNGKeyArray
 
 from relm_irl_jax import env
-from relm_irl_jax.agent.devices import over_devices
-from relm_irl_jax.agent.networks import Parameters, SiameseActorCritic
 from relm_irl_jax.agent.rollout import EpisodeSums
-from relm_irl_jax.agent.settings import AgentSettings
-from relm_irl_jax.agent.update import Learner, Setting, optimiser_of, update
+from relm_irl_jax.agent.settings import SiameseSettings
+from relm_irl_jax.agent.siamese.devices import over_devices
+from relm_irl_jax.agent.siamese.network import Parameters, SiameseActorCritic
+from relm_irl_jax.agent.siamese.update import Learner, Setting, optimiser_of, update
 from relm_irl_jax.env import Lane
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.rewards.model import RewardModel
@@ -45,7 +45,7 @@ class LearningCurve:
     reward: Float64[np.ndarray, "chunks"]
 
 
-def network_of(settings: AgentSettings, n_heads: int) -> SiameseActorCritic:
+def network_of(settings: SiameseSettings, n_heads: int) -> SiameseActorCritic:
     """The network that the settings describe.
 
     Args:
@@ -79,7 +79,7 @@ def worker_lanes(targets: Targets, world: World, n_heads: int, workers: int) -> 
     if count.min() == 0:
         raise InputError("tasks.training_targets: some room type has no training target; ask for more.")
     if workers < n_heads:
-        raise InputError(f"agent.workers: {workers} workers cannot serve {n_heads} heads; ask for more.")
+        raise InputError(f"siamese.workers: {workers} workers cannot serve {n_heads} heads; ask for more.")
     share = (n_heads, workers // n_heads)
     spread = lambda values: jnp.asarray(np.broadcast_to(values[:, None], share), jnp.int32)  # noqa: E731
     return Lane(first=spread(first), count=spread(count))
@@ -107,7 +107,7 @@ def begin(
     targets: Targets,
     lane: Lane,
     network: SiameseActorCritic,
-    settings: AgentSettings,
+    settings: SiameseSettings,
 ) -> Learner:
     """Draw parameters and first episodes.
 
@@ -135,7 +135,7 @@ def run_chunk(
     setting: Setting,
     *,
     network: SiameseActorCritic,
-    settings: AgentSettings,
+    settings: SiameseSettings,
     cap: int,
     updates: int,
 ) -> tuple[Learner, EpisodeSums]:
@@ -165,7 +165,7 @@ def train(
     reward_model: RewardModel,
     return_scale: float,
     n_heads: int,
-    settings: AgentSettings,
+    settings: SiameseSettings,
     cap: int,
     frames: int,
     report: Callable[[int], None] = lambda frames: None,
@@ -193,7 +193,9 @@ def train(
         InputError: the cap is below t_max, or the lanes cannot be laid.
     """
     if cap < settings.t_max:
-        raise InputError(f"tasks.cap: {cap} is below agent.t_max ({settings.t_max}); raise the one or lower the other.")
+        raise InputError(
+            f"tasks.cap: {cap} is below siamese.t_max ({settings.t_max}); raise the one or lower the other."
+        )
     network = network_of(settings, n_heads)
     lane = worker_lanes(targets, world, n_heads, settings.workers)
     setting = Setting(world, targets, lane, reward_model, jnp.float32(return_scale))

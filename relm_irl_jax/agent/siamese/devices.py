@@ -10,7 +10,7 @@ from dataclasses import replace
 import jax
 from jax.sharding import AxisType, NamedSharding, PartitionSpec
 
-from relm_irl_jax.agent.update import Learner, Setting
+from relm_irl_jax.agent.siamese.update import Learner, Setting
 
 
 def over_devices(

@@ -17,10 +17,10 @@ import numpy as np
 import optax
 from jaxtyping import Array, Float64, Int32, PRNGKeyArray
 
-from relm_irl_jax.agent.networks import Parameters, SiameseActorCritic, forward, tabulate
-from relm_irl_jax.agent.settings import AgentSettings
-from relm_irl_jax.agent.train import UPDATES_PER_CHUNK, draw_parameters, network_of
-from relm_irl_jax.agent.update import optimiser_of
+from relm_irl_jax.agent.settings import SiameseSettings
+from relm_irl_jax.agent.siamese.network import Parameters, SiameseActorCritic, forward, tabulate
+from relm_irl_jax.agent.siamese.train import UPDATES_PER_CHUNK, draw_parameters, network_of
+from relm_irl_jax.agent.siamese.update import optimiser_of
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.world import Targets, World
 
@@ -103,7 +103,7 @@ def _run_chunk(
     targets: Targets,
     *,
     network: SiameseActorCritic,
-    settings: AgentSettings,
+    settings: SiameseSettings,
     updates: int,
 ) -> tuple[tuple[Parameters, optax.OptState], tuple[Array, Array]]:
     """Take several gradient steps, each on pairs drawn with replacement, as many for every head."""
@@ -137,7 +137,7 @@ def clone(
     targets: Targets,
     decisions: Decisions,
     n_heads: int,
-    settings: AgentSettings,
+    settings: SiameseSettings,
     frames: int,
     report: Callable[[int], None] = lambda frames: None,
 ) -> tuple[Parameters, CloningCurve]:

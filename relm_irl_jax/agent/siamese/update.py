@@ -13,9 +13,9 @@ import jax.numpy as jnp
 import optax
 from jaxtyping import Array, Bool, Float32, Int32, PRNGKeyArray
 
-from relm_irl_jax.agent.networks import Parameters, SiameseActorCritic, backward, forward, tabulate
-from relm_irl_jax.agent.rollout import EpisodeSums, Experience, rollout
-from relm_irl_jax.agent.settings import AgentSettings
+from relm_irl_jax.agent.rollout import Actor, EpisodeSums, Experience, rollout, sample_action
+from relm_irl_jax.agent.settings import SiameseSettings
+from relm_irl_jax.agent.siamese.network import Activations, Parameters, SiameseActorCritic, backward, forward, tabulate
 from relm_irl_jax.env import Episode, Lane
 from relm_irl_jax.rewards.model import RewardModel
 from relm_irl_jax.world import Targets, World
@@ -59,7 +59,7 @@ class Setting:
     return_scale: Float32[Array, ""]
 
 
-def optimiser_of(settings: AgentSettings) -> optax.GradientTransformation:
+def optimiser_of(settings: SiameseSettings) -> optax.GradientTransformation:
     """The optimiser: gradients clipped by their global norm, then Adam.
 
     Args:
@@ -108,7 +108,7 @@ def n_step_returns(
 
 
 def update(
-    learner: Learner, setting: Setting, network: SiameseActorCritic, settings: AgentSettings, cap: int
+    learner: Learner, setting: Setting, network: SiameseActorCritic, settings: SiameseSettings, cap: int
 ) -> tuple[Learner, EpisodeSums]:
     """Act t_max steps with every worker, then take one gradient step.
 
@@ -129,7 +129,7 @@ def update(
     at = lambda state, target: forward(network, parameters, tables, state, target, heads)  # noqa: E731
     episode, experience, sums = rollout(
         rollout_key,
-        at,
+        sampling_actor(at),
         learner.episode,
         setting.lane,
         world,
@@ -140,8 +140,8 @@ def update(
     )
     next_value = values_behind(lambda state, target: at(state, target).value, experience)
     of_outputs = jax.grad(actor_critic_loss, argnums=(0, 1))(
-        experience.activations.logits,
-        experience.activations.value,
+        experience.record.logits,
+        experience.record.value,
         next_value,
         experience,
         setting.return_scale,
@@ -154,12 +154,31 @@ def update(
         experience.state,
         experience.target,
         heads,
-        experience.activations,
+        experience.record,
         *of_outputs,
     )
     gradient = jax.tree.map(jnp.add, of_heads, pull_back(of_tables)[0])
     change, optimiser = optimiser_of(settings).update(gradient, learner.optimiser, parameters)
     return Learner(cast(Parameters, optax.apply_updates(parameters, change)), optimiser, episode, key), sums
+
+
+def sampling_actor(
+    network: Callable[[Int32[Array, "groups batch"], Int32[Array, "groups batch"]], Activations],
+) -> Actor:
+    """Act by drawing from the policy, and keep the forward pass for learning.
+
+    Args:
+        network: the forward pass for states and targets of all workers.
+
+    Returns:
+        The actor.
+    """
+
+    def act(key: PRNGKeyArray, state: Array, target: Array) -> tuple[Array, Activations]:
+        activations = network(state, target)
+        return sample_action(key, activations.logits), activations
+
+    return act
 
 
 def values_behind(
@@ -183,7 +202,7 @@ def values_behind(
         jnp.take_along_axis(experience.next_state, cut, 0)[0], jnp.take_along_axis(experience.target, cut, 0)[0]
     )
     behind_last = value(experience.next_state[-1], experience.target[-1])
-    following = jnp.where(experience.truncated[:-1], behind_cut, experience.activations.value[1:])
+    following = jnp.where(experience.truncated[:-1], behind_cut, experience.record.value[1:])
     return jnp.concatenate([following, behind_last[None]])
 
 
@@ -193,7 +212,7 @@ def actor_critic_loss(
     next_value: Float32[Array, "time groups batch"],
     experience: Experience,
     return_scale: Float32[Array, ""],
-    settings: AgentSettings,
+    settings: SiameseSettings,
 ) -> Float32[Array, ""]:
     """Policy-gradient loss, value error and entropy, averaged over steps and workers (Equations 20-22).
 

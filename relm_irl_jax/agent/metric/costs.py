@@ -1,0 +1,64 @@
+"""Costs to go on the experience graph: what the distance between two views is to say, by each method's own reward.
+
+For a goal g and a cost c_g(s) > 0 of being anywhere else, the least cost to reach g along edges of the graph is
+
+    C(g, g) = 0,   C(s, g) = c_g(s) + min_a C(s'_a, g)
+
+and −C is the optimal undiscounted value under the reward r(s) = −c_g(s). With the hand-made reward a step costs as
+much as any other and C counts the steps; a collision costs more, and a shortest way has none. With a learned reward
+c_g(s) = −w·(φ(s) − φ(g)).
+"""
+
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float32, Int32
+
+from relm_irl_jax.agent.metric.experience import UNTRIED
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Goals:
+    """Views that the agent sets itself as targets, scene by scene, and what each costs; rows are padded at the end.
+
+    Attributes:
+        state: goals, as local states of their scene.
+        count: number of goals in each scene.
+        cost: cost of each local state on the way to the goal, in units of the greatest cost of a step.
+    """
+
+    state: Int32[Array, "scenes goals"]
+    count: Int32[Array, "scenes"]
+    cost: Float32[Array, "scenes goals locals"]
+
+
+def costs_to_go(
+    successor: Int32[Array, "locals 4"], goal: Int32[Array, "goals"], cost: Float32[Array, "goals locals"]
+) -> Float32[Array, "locals goals"]:
+    """Least cost from every state to every goal, by value iteration until nothing changes.
+
+    Args:
+        successor: local state that each action led to, or `UNTRIED`.
+        goal: the goals.
+        cost: cost of being in each state on the way to each goal, positive.
+
+    Returns:
+        C(s, g); infinite where the graph knows no way.
+    """
+    known = successor != UNTRIED
+    own = cost.T
+    rows = jnp.arange(own.shape[0])[:, None]
+    first = jnp.where(rows == goal, 0.0, jnp.inf)
+
+    def improve(carry: tuple[Array, Array]) -> tuple[Array, Array]:
+        reach, _ = carry
+        best = jnp.full_like(reach, jnp.inf)
+        for action in range(successor.shape[1]):
+            behind = jnp.where(known[:, action, None], reach[successor[:, action]], jnp.inf)
+            best = jnp.minimum(best, behind)
+        better = jnp.minimum(reach, own + best)
+        return better, (better < reach).any()
+
+    return jax.lax.while_loop(lambda carry: carry[1], improve, (first, jnp.bool_(True)))[0]

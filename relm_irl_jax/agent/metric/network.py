@@ -1,0 +1,141 @@
+"""The metric agent's network: views are places, and the distance between places is the cost of walking there.
+
+    h(x)  = ReLU(ReLU(x W + b) V + c)
+    ψ(x)  = h(x) P                       the place of a view, be it the current one or the target's
+    F(x)_a = ψ(x) + h(x) M_a             where action a would lead: the successor embedding
+    D(x, g) = mean_k ‖ψ_k(x) − ψ_k(g)‖₂   over equal parts of the embedding
+
+    V(s, g) = −D(s, g),   π(a | s, g) ∝ exp(−β ‖F(s)_a − ψ(g)‖)   with the same mean of norms
+
+The critic is a function of the distance alone, and the policy walks downhill in it. Since one map places states and
+targets, a view met only as a state is placed as a target, too. Where the way back may be longer than the way there,
+mean_k max_i (ψ_ki(x) − ψ_ki(g))₊ is added, which obeys the triangle inequality but is not symmetric.
+
+Sources: Pitis et al., "An inductive bias for distances" (2020); Wang et al., "Optimal goal-reaching reinforcement
+learning via quasimetric learning" (2023); Barreto et al., "Successor features" (2017).
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, cast
+
+import flax.linen as nn
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float32
+
+from relm_irl_jax.agent.settings import MetricSettings
+from relm_irl_jax.scenes.scene import ACTIONS
+
+Parameters = Mapping[str, Mapping[str, Any]]
+
+LEAST_SQUARE = 1e-6
+"""Floor of squared distances, where the root's gradient would not exist."""
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Places:
+    """Embeddings of views.
+
+    Attributes:
+        here: ψ, the place of each view.
+        after: F, the place behind each action.
+    """
+
+    here: Float32[Array, "*views dimension"]
+    after: Float32[Array, "*views 4 dimension"]
+
+
+class MetricNetwork(nn.Module):
+    """Maps views to places.
+
+    Attributes:
+        width: units of each hidden layer.
+        dimension: dimension of the embedding.
+    """
+
+    width: int = 512
+    dimension: int = 128
+
+    @nn.compact
+    def __call__(self, view: Float32[Array, "*views feature"]) -> Places:
+        """Embed views.
+
+        Args:
+            view: encoded views.
+
+        Returns:
+            Their places, and those behind each action.
+        """
+        he = nn.initializers.he_normal()
+        hidden = nn.relu(nn.Dense(self.width, kernel_init=he, name="shared")(view))
+        hidden = nn.relu(nn.Dense(self.width, kernel_init=he, name="hidden")(hidden))
+        here = nn.Dense(self.dimension, name="place")(hidden)
+        small = nn.initializers.variance_scaling(0.1, "fan_in", "truncated_normal")
+        moves = nn.Dense(len(ACTIONS) * self.dimension, kernel_init=small, name="moves")(hidden)
+        return Places(here, here[..., None, :] + moves.reshape(*moves.shape[:-1], len(ACTIONS), self.dimension))
+
+
+def metric_network(settings: MetricSettings) -> MetricNetwork:
+    """The network that the settings describe.
+
+    Args:
+        settings: the agent's settings.
+
+    Returns:
+        The network without parameters.
+    """
+    return MetricNetwork(settings.width, settings.dimension)
+
+
+def places_of(network: MetricNetwork, parameters: Parameters, features: Float32[Array, "views feature"]) -> Places:
+    """Apply the network.
+
+    Args:
+        network: the network. Static.
+        parameters: its parameters.
+        features: encoded views.
+
+    Returns:
+        The places.
+    """
+    return cast(Places, network.apply(parameters, features))
+
+
+def distance(
+    x: Float32[Array, "*batch dimension"], y: Float32[Array, "*batch dimension"], settings: MetricSettings
+) -> Float32[Array, "*batch"]:
+    """D between places, pair by pair; leading axes broadcast.
+
+    Args:
+        x: places to leave.
+        y: places to reach.
+        settings: the form of the distance. Static.
+
+    Returns:
+        The distances.
+    """
+    difference = (x - y).reshape(*jnp.broadcast_shapes(x.shape, y.shape)[:-1], settings.groups, -1)
+    result = jnp.sqrt(jnp.maximum((difference**2).sum(-1), LEAST_SQUARE)).mean(-1)
+    return result if settings.symmetric else result + nn.relu(difference).max(-1).mean(-1)
+
+
+def distances(
+    x: Float32[Array, "*batch from dimension"], y: Float32[Array, "*batch to dimension"], settings: MetricSettings
+) -> Float32[Array, "*batch from to"]:
+    """D between all pairs of places; the symmetric part through matrix products, ‖x‖² + ‖y‖² − 2x·y.
+
+    Args:
+        x: places to leave.
+        y: places to reach.
+        settings: the form of the distance. Static.
+
+    Returns:
+        The distances.
+    """
+    if not settings.symmetric:
+        return distance(x[..., :, None, :], y[..., None, :, :], settings)
+    x, y = (jnp.moveaxis(z.reshape(*z.shape[:-1], settings.groups, -1), -2, -3) for z in (x, y))
+    square = (x**2).sum(-1)[..., :, None] + (y**2).sum(-1)[..., None, :] - 2 * x @ jnp.swapaxes(y, -1, -2)
+    return jnp.sqrt(jnp.maximum(square, LEAST_SQUARE)).mean(-3)

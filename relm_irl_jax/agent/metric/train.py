@@ -1,0 +1,279 @@
+"""Training of the metric agent: explore and learn in compiled chunks, costs to go renewed as the experience grows."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float64, PRNGKeyArray
+
+from relm_irl_jax import env
+from relm_irl_jax.agent.metric.costs import Goals, costs_to_go
+from relm_irl_jax.agent.metric.experience import UNTRIED, ExperienceGraph, coverage, no_experience
+from relm_irl_jax.agent.metric.network import MetricNetwork, Parameters, metric_network
+from relm_irl_jax.agent.metric.update import (
+    Hindsight,
+    Losses,
+    MetricLearner,
+    MetricSetting,
+    metric_optimiser,
+    update,
+    with_hindsight,
+)
+from relm_irl_jax.agent.rollout import EpisodeSums
+from relm_irl_jax.agent.settings import MetricSettings
+from relm_irl_jax.env import Lane
+from relm_irl_jax.errors import InputError
+from relm_irl_jax.evaluation import scene_lanes
+from relm_irl_jax.rewards.model import RewardModel
+from relm_irl_jax.world import Targets, World
+
+UPDATES_PER_CHUNK = 8
+"""Updates between two looks at the program: one row of the learning curve, and at most one renewal of costs to go."""
+
+
+@dataclass(frozen=True)
+class MetricCurve:
+    """Progress of the training, one entry a chunk of updates; NaN where no episode ended in a chunk.
+
+    Attributes:
+        frames: frames of all workers up to the end of the chunk.
+        episodes: episodes ended in the chunk.
+        success_rate: share of them that reached the target.
+        path_length_error: their mean path length minus shortest path, in actions (Equation 36).
+        spl: their success weighted by path length (Equation 37).
+        reward: mean reward a frame.
+        states_met: share of the states that have been met.
+        actions_tried: share of all states' actions that have been tried.
+        distance_loss: weighted squared error of distances, in squared mean steps.
+        choice_loss: divergence of the policy from the best actions, in nats.
+        successor_loss: squared distance of successor embeddings from what was met.
+    """
+
+    frames: Float64[np.ndarray, "chunks"]
+    episodes: Float64[np.ndarray, "chunks"]
+    success_rate: Float64[np.ndarray, "chunks"]
+    path_length_error: Float64[np.ndarray, "chunks"]
+    spl: Float64[np.ndarray, "chunks"]
+    reward: Float64[np.ndarray, "chunks"]
+    states_met: Float64[np.ndarray, "chunks"]
+    actions_tried: Float64[np.ndarray, "chunks"]
+    distance_loss: Float64[np.ndarray, "chunks"]
+    choice_loss: Float64[np.ndarray, "chunks"]
+    successor_loss: Float64[np.ndarray, "chunks"]
+
+
+@partial(jax.jit, static_argnames=("network", "settings", "updates"))
+def begin(
+    key: PRNGKeyArray,
+    world: World,
+    targets: Targets,
+    lane: Lane,
+    network: MetricNetwork,
+    settings: MetricSettings,
+    updates: int,
+) -> MetricLearner:
+    """Draw parameters and first episodes.
+
+    Args:
+        key: source of all randomness of the training.
+        world: the training scenes.
+        targets: the training targets.
+        lane: one lane a worker; fields are [scenes, workers / scenes].
+        network: the network. Static.
+        settings: the agent's settings. Static.
+        updates: updates of the whole training. Static.
+
+    Returns:
+        The learner before its first update.
+    """
+    key, parameter_key, episode_key = jax.random.split(key, 3)
+    parameters = network.init(parameter_key, world.features[:1])
+    keys = jax.random.split(episode_key, lane.first.shape)
+    episode = jax.vmap(jax.vmap(lambda k, row: env.reset(k, targets, row)))(keys, lane)
+    state = metric_optimiser(settings, updates).init(parameters)
+    return MetricLearner(parameters, state, episode, no_experience(len(world.scene)), key)
+
+
+@partial(jax.jit, static_argnames=("network", "settings", "cap", "updates", "chunk"))
+def run_chunk(
+    learner: MetricLearner,
+    setting: MetricSetting,
+    *,
+    network: MetricNetwork,
+    settings: MetricSettings,
+    cap: int,
+    updates: int,
+    chunk: int,
+) -> tuple[MetricLearner, EpisodeSums, Losses]:
+    """Run several updates as one program.
+
+    Args:
+        learner: the state of training.
+        setting: scenes, goals and costs to go.
+        network: the network. Static.
+        settings: the agent's settings. Static.
+        cap: number of steps after which an episode is truncated. Static.
+        updates: updates of the whole training. Static.
+        chunk: updates to run. Static.
+
+    Returns:
+        The next state of training, sums over the episodes that ended, and the mean losses.
+    """
+    learner, (sums, losses) = jax.lax.scan(
+        lambda carry, _: update(carry, setting, network, settings, cap, updates), learner, length=chunk
+    )
+    return learner, jax.tree.map(jnp.sum, sums), jax.tree.map(jnp.mean, losses)
+
+
+@jax.jit
+def look_back(graph: ExperienceGraph, world: World, goals: Goals, setting_state: Array, n_locals: Array) -> Hindsight:
+    """Costs to go on the graph as it is now.
+
+    Args:
+        graph: transitions met.
+        world: the scenes.
+        goals: the goals and what the way to each costs.
+        setting_state: world state of each scene's local states, padded.
+        n_locals: number of states of each scene.
+
+    Returns:
+        The costs to go.
+    """
+    own = jnp.arange(setting_state.shape[1]) < n_locals[:, None]
+    successor = graph.successor[setting_state]
+    following = jnp.where((successor != UNTRIED) & own[..., None], world.local[successor], UNTRIED)
+    return Hindsight(following, jax.lax.map(lambda row: costs_to_go(*row), (following, goals.state, goals.cost)))
+
+
+def reachable_states(world: World, targets: Targets) -> Bool[np.ndarray, "states"]:
+    """States in which an episode can begin or end, against which coverage is counted.
+
+    Args:
+        world: the scenes.
+        targets: the training targets.
+
+    Returns:
+        Whether each state is one of them.
+    """
+    found = np.zeros(len(world.scene), bool)
+    for row, count in zip(np.asarray(targets.start), np.asarray(targets.n_starts), strict=True):
+        found[row[:count]] = True
+    found[np.asarray(targets.state)] = True
+    return found
+
+
+def one_way(graph: ExperienceGraph) -> Bool[Array, "states 4"]:
+    """Transitions that no single action takes back, as far as all actions behind them were tried.
+
+    Args:
+        graph: transitions met.
+
+    Returns:
+        Whether each is one.
+    """
+    behind = graph.successor[jnp.maximum(graph.successor, 0)]
+    back = (behind == jnp.arange(len(graph.successor))[:, None, None]).any(-1)
+    return (graph.successor != UNTRIED) & (behind != UNTRIED).all(-1) & ~back
+
+
+def train_metric(
+    key: PRNGKeyArray,
+    world: World,
+    targets: Targets,
+    reward_model: RewardModel,
+    goals: Goals,
+    settings: MetricSettings,
+    cap: int,
+    frames: int,
+    report: Callable[[int], None] = lambda frames: None,
+) -> tuple[Parameters, MetricCurve]:
+    """Train a metric agent.
+
+    Args:
+        key: source of all randomness of the training.
+        world: the training scenes.
+        targets: the training targets; every scene has one.
+        reward_model: the reward, for the learning curve.
+        goals: views that the agent may set itself as targets, and what the way to each costs.
+        settings: the agent's settings.
+        cap: number of steps after which an episode is truncated.
+        frames: frames of all workers together; rounded up to whole chunks of updates.
+        report: called with the number of frames done since its last call.
+
+    Returns:
+        The network's parameters and the course of training.
+
+    Raises:
+        InputError: there are too few workers, a scene has no target, the embedding cannot be divided into its groups,
+            or the distance is symmetric and the world is not.
+    """
+    scenes = int(world.scene[-1]) + 1
+    _check(world, targets, settings, scenes)
+    network = metric_network(settings)
+    lane = scene_lanes(targets, scenes, settings.workers // scenes)
+    per_update = lane.first.size * settings.t_max
+    chunk = min(UPDATES_PER_CHUNK, -(-frames // per_update))
+    chunks = -(-frames // (per_update * chunk))
+    n_locals = np.bincount(np.asarray(world.scene))
+    local = np.arange(n_locals.max())
+    first = np.cumsum(n_locals) - n_locals
+    state = jnp.asarray(first[:, None] + np.where(local < n_locals[:, None], local, 0), jnp.int32)
+    nothing = Hindsight(
+        jnp.full((*state.shape, 4), UNTRIED, jnp.int32),
+        jnp.full((*state.shape, goals.state.shape[1]), jnp.inf, jnp.float32),
+    )
+    setting = MetricSetting(world, targets, lane, reward_model, goals, state, jnp.asarray(n_locals, jnp.int32), nothing)
+    learner = begin(key, world, targets, lane, network, settings, chunks * chunk)
+    reachable = jnp.asarray(reachable_states(world, targets))
+    rows, tried_before = [], 0.0
+    for number in range(chunks):
+        learner, sums, losses = run_chunk(
+            learner, setting, network=network, settings=settings, cap=cap, updates=chunks * chunk, chunk=chunk
+        )
+        met, tried = map(float, coverage(learner.graph, reachable))
+        if tried > tried_before:
+            tried_before = tried
+            if settings.symmetric and bool(one_way(learner.graph).any()):
+                raise InputError("metric.symmetric: some step cannot be taken back in these scenes; set it to false.")
+            setting = with_hindsight(setting, look_back(learner.graph, world, goals, state, setting.n_locals))
+        done = (number + 1) * chunk * per_update
+        rows.append((done, chunk * per_update, met, tried, jax.device_get(sums), jax.device_get(losses)))
+        report(chunk * per_update)
+    return learner.parameters, _curve(rows)
+
+
+def _check(world: World, targets: Targets, settings: MetricSettings, scenes: int) -> None:
+    if settings.workers < scenes:
+        raise InputError(f"metric.workers: {settings.workers} workers cannot serve {scenes} scenes; ask for more.")
+    if np.bincount(np.asarray(targets.scene), minlength=scenes).min() == 0:
+        raise InputError("tasks.training_targets: some scene has no training target; ask for more.")
+    if settings.dimension % settings.groups:
+        raise InputError(
+            f"metric.groups: {settings.groups} equal parts of {settings.dimension} dimensions do not exist; "
+            "give a divisor of metric.dimension."
+        )
+
+
+def _curve(rows: list[tuple[int, int, float, float, EpisodeSums, Losses]]) -> MetricCurve:
+    """Turn sums into means."""
+    frames, since, met, tried = (np.asarray(values, np.float64) for values in list(zip(*rows, strict=True))[:4])
+    column = lambda name: np.asarray([getattr(row[4], name) for row in rows], np.float64)  # noqa: E731
+    loss = lambda name: np.asarray([getattr(row[5], name) for row in rows], np.float64)  # noqa: E731
+    episodes = column("episodes")
+    ended = np.where(episodes > 0, episodes, np.nan)
+    return MetricCurve(
+        frames=frames,
+        episodes=episodes,
+        success_rate=column("successes") / ended,
+        path_length_error=column("excess") / ended,
+        spl=column("weighted") / ended,
+        reward=column("reward") / since,
+        states_met=met,
+        actions_tried=tried,
+        distance_loss=loss("distance"),
+        choice_loss=loss("choice"),
+        successor_loss=loss("successor"),
+    )

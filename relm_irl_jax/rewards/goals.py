@@ -1,0 +1,160 @@
+"""Views that the metric agent sets itself as targets, and what a step towards each costs by its method's own reward.
+
+The wall between training and evaluation stands here: `strict` leaves out every target that is kept for evaluation.
+A method prices what its reward covers. RL recognises any view that it has met: a step costs a step. IRL has weights
+for the targets of its demonstrations and for the states along them. ELM-IRL and RELM-IRL predict weights for any pair
+of views: an imagined target, priced from an imagined start.
+"""
+
+from collections.abc import Sequence
+
+import jax.numpy as jnp
+import numpy as np
+
+from relm_irl_jax.agent.metric.costs import Goals
+from relm_irl_jax.elm import ELMRegressor
+from relm_irl_jax.errors import InputError
+from relm_irl_jax.rewards.assemble import ManualSettings
+from relm_irl_jax.rewards.demonstrations import DemonstratedReward, IrlSettings, RewardBasis
+from relm_irl_jax.rewards.prediction import pair_inputs
+from relm_irl_jax.scenes.scene import Scene
+from relm_irl_jax.tasks import TaskSplit
+
+IMAGINED_STARTS = 8
+"""Starts from which the weights of an imagined target are predicted; their mean prices the way to it."""
+
+
+def goal_states(scenes: Sequence[Scene], split: TaskSplit, hindsight: str) -> list[np.ndarray]:
+    """States that may be goals.
+
+    Args:
+        scenes: training scenes.
+        split: the targets of all tasks.
+        hindsight: `none` for the training targets, `strict` for all states but the targets kept for evaluation, `open`
+            for all states.
+
+    Returns:
+        Local states, scene by scene.
+    """
+    trained = [np.asarray([t.state for t in split.training if t.scene == n], int) for n in range(len(scenes))]
+    if hindsight == "none":
+        return trained
+    states = [np.asarray(scene.reachable) for scene in scenes]
+    if hindsight == "open":
+        return states
+    return [np.setdiff1d(own, list(split.evaluation_only(number))) for number, own in enumerate(states)]
+
+
+def manual_goals(scenes: Sequence[Scene], split: TaskSplit, hindsight: str, settings: ManualSettings) -> Goals:
+    """Goals of the RL baseline: reaching one is the reward, and every step on the way costs the same.
+
+    Args:
+        scenes: training scenes.
+        split: the targets of all tasks.
+        hindsight: which views may be goals.
+        settings: the hand-made reward.
+
+    Returns:
+        The goals.
+
+    Raises:
+        InputError: a step costs nothing, so that no way is better than another.
+    """
+    if settings.step >= 0:
+        raise InputError(f"manual.step: {settings.step} costs nothing; the metric agent needs a negative one.")
+    states = goal_states(scenes, split, hindsight)
+    return _goals(states, [np.ones((len(own), s.n_states)) for own, s in zip(states, scenes, strict=True)])
+
+
+def demonstrated_goals(
+    scenes: Sequence[Scene],
+    split: TaskSplit,
+    hindsight: str,
+    records: Sequence[DemonstratedReward],
+    basis: RewardBasis,
+    settings: IrlSettings,
+) -> Goals:
+    """Goals of the IRL baseline: the targets of demonstrations, and in hindsight the states along them.
+
+    Args:
+        scenes: training scenes.
+        split: the targets of all tasks.
+        hindsight: which views may be goals.
+        records: demonstrated rewards.
+        basis: φ.
+        settings: the inverse reinforcement learning's settings.
+
+    Returns:
+        The goals.
+    """
+    allowed = [set(own.tolist()) for own in goal_states(scenes, split, hindsight)]
+    weights: list[dict[int, list[np.ndarray]]] = [{} for _ in scenes]
+    for record in records:
+        if record.target.state in allowed[record.target.scene]:
+            weights[record.target.scene].setdefault(record.target.state, []).append(record.solution.w)
+    states = [np.asarray(sorted(own), int) for own in weights]
+    mean = [np.stack([np.mean(own[state], axis=0) for state in sorted(own)]) for own in weights]
+    return _goals(states, _linear_costs(scenes, states, mean, basis, settings))
+
+
+def predicted_goals(
+    scenes: Sequence[Scene],
+    split: TaskSplit,
+    hindsight: str,
+    machine: ELMRegressor,
+    basis: RewardBasis,
+    settings: IrlSettings,
+    generator: np.random.Generator,
+) -> Goals:
+    """Goals of ELM-IRL and RELM-IRL: any view, at the price that the machine predicts for the pair of views.
+
+    Args:
+        scenes: training scenes.
+        split: the targets of all tasks.
+        hindsight: which views may be goals.
+        machine: the fitted machine.
+        basis: φ.
+        settings: the inverse reinforcement learning's settings.
+        generator: source of randomness of the imagined starts.
+
+    Returns:
+        The goals.
+    """
+    states = goal_states(scenes, split, hindsight)
+    weights = []
+    for scene, own in zip(scenes, states, strict=True):
+        starts = generator.choice(scene.reachable, (IMAGINED_STARTS, len(own)))
+        views = scene.encoded
+        weights.append(np.mean([machine.predict(pair_inputs(views[start], views[own])) for start in starts], axis=0))
+    return _goals(states, _linear_costs(scenes, states, weights, basis, settings))
+
+
+def _linear_costs(
+    scenes: Sequence[Scene],
+    states: Sequence[np.ndarray],
+    weights: Sequence[np.ndarray],
+    basis: RewardBasis,
+    settings: IrlSettings,
+) -> list[np.ndarray]:
+    """−w·(φ(s) − φ(g)), clipped as the reward is; in the free form −w·φ(s), at least the least cost."""
+    costs = []
+    for scene, own, w in zip(scenes, states, weights, strict=True):
+        phi = basis(scene.encoded)
+        cost = -w @ phi.T
+        if settings.program.form == "cost":
+            cost += (w * phi[own]).sum(1)[:, None]
+        r_max = settings.program.r_max
+        costs.append(np.clip(cost, settings.least_cost * r_max, r_max))
+    return costs
+
+
+def _goals(states: Sequence[np.ndarray], costs: Sequence[np.ndarray]) -> Goals:
+    """Pad goals and costs; the mean cost becomes 1, so that distances count steps whatever the reward's unit."""
+    count = np.asarray([len(own) for own in states])
+    mean = np.concatenate([cost.ravel() for cost in costs]).mean()
+    state = np.zeros((len(states), count.max()), np.int32)
+    cost = np.ones((len(states), count.max(), max(own.shape[1] for own in costs)), np.float32)
+    for number, (own, price) in enumerate(zip(states, costs, strict=True)):
+        state[number, : len(own)] = own
+        cost[number, : len(own), : price.shape[1]] = price / mean
+    return Goals(jnp.asarray(state), jnp.asarray(count, jnp.int32), jnp.asarray(cost))
