@@ -98,13 +98,13 @@ class MetricPolicy:
     """A trained metric agent, the places of the scenes and targets at hand computed.
 
     Attributes:
-        after: place behind each action in every state.
+        places: places of every state.
         wanted: place of every target.
         settings: form of the distance, and how sharply it is followed. Static.
         greedy: take the most probable action instead of drawing from the policy. Static.
     """
 
-    after: Float32[Array, "states 4 dimension"]
+    places: Places
     wanted: Float32[Array, "targets dimension"]
     settings: MetricSettings = field(metadata={"static": True})
     greedy: bool = field(default=False, metadata={"static": True})
@@ -113,7 +113,7 @@ class MetricPolicy:
         self, key: PRNGKeyArray, state: Int32[Array, "scenes batch"], target: Int32[Array, "scenes batch"]
     ) -> Int32[Array, "scenes batch"]:
         """Return one action a worker."""
-        steps = distance(self.after[state], self.wanted[target][..., None, :], self.settings)
+        steps = distance(self.places.after[state], self.wanted[target][..., None, :], self.settings)
         if self.greedy:
             return jnp.argmin(steps, -1).astype(jnp.int32)
         return sample_action(key, -self.settings.acting_sharpness * steps)
@@ -142,7 +142,7 @@ def metric_policy(
         The policy.
     """
     places: Places = jax.jit(places_of, static_argnums=0)(network, parameters, world.features)
-    return MetricPolicy(places.after, places.here[targets.state], settings, greedy)
+    return MetricPolicy(places, places.here[targets.state], settings, greedy)
 
 
 @jax.tree_util.register_dataclass

@@ -108,6 +108,19 @@ def test_a_run_is_continued_with_another_method(first, folder, monkeypatch):
     assert "BC" in (folder / "one" / "report.md").read_text()
 
 
+def test_the_metric_agent_runs_through_the_same_chain(first, folder, monkeypatch):
+    small = ("--agent", "metric", "--metric.width", "32", "--metric.dimension", "16", "--metric.workers", "96")
+    in_process(monkeypatch, folder, "train", "--config", str(EXPERIMENT), "--run", "metric", *QUICK, *small)
+    rows = json.loads((folder / "metric" / "results.json").read_text())["rows"]
+    assert {row["method"] for row in rows} == {"random", "rl", "irl", "elm-irl", "relm-irl"}
+    assert float(read_table(folder / "metric" / "curves" / "irl-seed-0.csv")["states_met"][-1]) > 0.9
+    for room_type in ("bathroom", "bedroom", "living_room"):
+        assert (folder / "metric" / "figures" / f"distance-II-{room_type}.png").stat().st_size > 0
+        assert "RELM-IRL" in read_table(folder / "metric" / "distances" / f"II-{room_type}.csv")
+    assert "metric agent (hindsight: strict)" in (folder / "metric" / "report.md").read_text()
+    in_process(monkeypatch, folder, "play", "metric", "--method", "rl")
+
+
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
@@ -118,6 +131,7 @@ def test_a_run_is_continued_with_another_method(first, folder, monkeypatch):
         (("train", "--scenes", "empty"), "holds no file ending in .h5"),
         (("train", "--scenes", "malformed"), "scene.h5: cannot be read as HDF5"),
         (("train", "--run", "one"), "one holds agents trained with"),
+        (("train", "--agent", "metric", "--methods", "bc"), "methods: bc clones the siamese agent's policy"),
         (("evaluate", "empty"), "holds no config.json"),
         (("train", "--config", "absent.toml"), "absent.toml: cannot be read"),
     ],

@@ -112,21 +112,52 @@ def reward_maps(
     Returns:
         The figure.
     """
+    title = f"{scene.name}: reward for target state {target} (star), from a start (ring)"
+    return _maps(scene, target, rewards, limits, "r(s)", title, start)
+
+
+def distance_maps(scene: Scene, target: int, distances: Mapping[str, Float[np.ndarray, "states"]]) -> Figure:
+    """Maps of the distance to a target over a room, seen from above, side by side on one scale.
+
+    Args:
+        scene: the room.
+        target: the target's state.
+        distances: distance of every state to the target, by title; infinite or negative where there is no way.
+
+    Returns:
+        The figure.
+    """
+    shown = {title: np.where(np.isfinite(d) & (d >= 0), d, np.nan) for title, d in distances.items()}
+    limits = (0.0, float(max(np.nanmax(values) for values in shown.values())))
+    return _maps(scene, target, shown, limits, "steps", f"{scene.name}: distance to target state {target} (star)")
+
+
+def _maps(
+    scene: Scene,
+    target: int,
+    maps: Mapping[str, Float[np.ndarray, "states"]],
+    limits: tuple[float, float],
+    unit: str,
+    title: str,
+    start: int | None = None,
+) -> Figure:
+    """One map for each entry, on one colour scale."""
     width = np.ptp(scene.location[:, 0]) + 2.2
     height = np.ptp(scene.location[:, 1]) + 2.2
-    figure = Figure(figsize=(len(rewards) * 4.6, 4.2 * height / width + 0.9), layout="constrained")
-    panels = np.atleast_1d(figure.subplots(1, len(rewards)))
-    for panel, (title, values) in zip(panels, rewards.items(), strict=True):
+    figure = Figure(figsize=(len(maps) * 4.6, 4.2 * height / width + 0.9), layout="constrained")
+    panels = np.atleast_1d(figure.subplots(1, len(maps)))
+    for panel, (name, values) in zip(panels, maps.items(), strict=True):
         collection = _triangles(panel, scene, values)
         collection.set_clim(*limits)
         place, heading = scene.location[target], np.deg2rad(scene.rotation[target])
         panel.plot(*place, "*", color="#d62728", markersize=13, markeredgecolor="white")
-        panel.plot(*scene.location[start], "o", color="none", markersize=9, markeredgecolor="#d62728")
+        if start is not None:
+            panel.plot(*scene.location[start], "o", color="none", markersize=9, markeredgecolor="#d62728")
         tip = place + 0.75 * np.array([np.sin(heading), np.cos(heading)])
         panel.annotate("", tip, place, arrowprops={"arrowstyle": "->", "color": "#d62728", "lw": 1.8})
-        panel.set(title=title, aspect="equal", xlabel="x in metres", ylabel="z in metres")
-        figure.colorbar(collection, ax=panel, label="r(s)", shrink=0.8, extend="both")
-    figure.suptitle(f"{scene.name}: reward for target state {target} (star), from a start (ring)")
+        panel.set(title=name, aspect="equal", xlabel="x in metres", ylabel="z in metres")
+        figure.colorbar(collection, ax=panel, label=unit, shrink=0.8, extend="both")
+    figure.suptitle(title)
     return figure
 
 

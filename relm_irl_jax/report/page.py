@@ -49,7 +49,7 @@ def write_report(folder: RunFolder, config: Config, results: dict) -> Path:
     text = [
         f"# Task {results['task']}",
         "",
-        f"Scenes `{config.scenes}`, encoder {results['encoder']}, cap {results['cap']} steps, "
+        f"Scenes `{config.scenes}`, encoder {results['encoder']}, {_agent(config)}, cap {results['cap']} steps, "
         f"{config.evaluation.episodes} episodes for each scene, {config.frames:,} training frames a method, "
         f"{config.seeds} seed{'s' if config.seeds > 1 else ''}, "
         f"actions {'drawn from the policy' if config.evaluation.policy == 'sample' else 'of highest probability'}.",
@@ -85,8 +85,14 @@ def _figures(folder: RunFolder, config: Config, results: dict) -> list[tuple[str
         path = folder.file("figures", "press.png")
         save_figure(press_figure(curve, int(np.nanargmin(curve)) + 1), path)
         drawn.append(("Leave-one-out error", path))
+    maps = sorted(folder.file("figures", ".").glob(f"distance-{results['task']}-*.png"))
+    drawn += [("Learned distance to a target", path) for path in maps]
     drawn += [("Rewards over a room", path) for path in sorted(folder.file("figures", ".").glob("reward-*.png"))]
     return drawn
+
+
+def _agent(config: Config) -> str:
+    return f"metric agent (hindsight: {config.metric.hindsight})" if config.agent == "metric" else "siamese agent"
 
 
 def _processor() -> str:

@@ -1,17 +1,23 @@
 """Last stage: every trained agent on one task."""
 
-import jax
+from collections.abc import Mapping, Sequence
 
-from relm_irl_jax.agent.metric.network import metric_network
+import jax
+import numpy as np
+
+from relm_irl_jax.agent.metric.network import distance, metric_network
 from relm_irl_jax.agent.siamese.train import network_of
 from relm_irl_jax.config import METHODS, Config, Method
-from relm_irl_jax.evaluation import Policy, RandomPolicy, evaluate, metric_policy, metrics, network_policy
+from relm_irl_jax.evaluation import MetricPolicy, Policy, RandomPolicy, evaluate, metric_policy, metrics, network_policy
 from relm_irl_jax.progress import progress_bar
-from relm_irl_jax.runs import RunFolder, load_parameters, write_json
+from relm_irl_jax.report.figures import distance_maps, save_figure
+from relm_irl_jax.report.tables import METHOD_NAMES
+from relm_irl_jax.runs import RunFolder, load_parameters, write_json, write_table
+from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.stages.encoding import EncodedScenes, encode_unseen
 from relm_irl_jax.stages.training import head_numbers, world_of
 from relm_irl_jax.tasks import draw_split
-from relm_irl_jax.world import Targets, World, build_targets
+from relm_irl_jax.world import Targets, World, build_targets, scene_offsets
 
 
 def policy_of(
@@ -55,7 +61,7 @@ def evaluate_task(config: Config, folder: RunFolder, training: EncodedScenes, ta
     unseen = encode_unseen(config, training) if task == "III" else []
     scenes = unseen if task == "III" else training.scenes
     world = world_of(config, scenes, training.scenes)
-    rows = []
+    rows, learned = [], {}
     jobs = [
         (seed, method)
         for seed in range(config.seeds)
@@ -68,6 +74,8 @@ def evaluate_task(config: Config, folder: RunFolder, training: EncodedScenes, ta
             targets = build_targets(scenes, split.of_task(task, config.evaluation))
             n_heads = head_numbers(config, scenes, training.scenes)[1]
             policy = policy_of(config, folder, method, seed, world, targets, n_heads)
+            if seed == 0 and isinstance(policy, MetricPolicy):
+                learned[method] = policy, targets
             key = jax.random.fold_in(jax.random.key(seed), 1)
             episodes = evaluate(key, policy, world, targets, config.tasks.cap, config.evaluation.episodes)
             for number, scene in enumerate(scenes):
@@ -85,7 +93,30 @@ def evaluate_task(config: Config, folder: RunFolder, training: EncodedScenes, ta
                     }
                 )
             advance(1)
+    if learned:
+        _map_distances(folder, task, scenes, learned)
     results = {"task": task, "cap": config.tasks.cap, "encoder": training.encoder_name, "rows": rows}
     write_json(folder.file(f"results-{task}.json"), results)
     write_json(folder.file("results.json"), results)
     return results
+
+
+def _map_distances(
+    folder: RunFolder, task: str, scenes: Sequence[Scene], learned: Mapping[Method, tuple[MetricPolicy, Targets]]
+) -> None:
+    """Map true and learned distances to the first target of the first room of each type."""
+    offsets = scene_offsets(scenes)
+    _, targets = next(iter(learned.values()))
+    for number in {scene.room_type: n for n, scene in reversed(list(enumerate(scenes)))}.values():
+        scene, row = scenes[number], int(np.flatnonzero(np.asarray(targets.scene) == number)[0])
+        target = int(targets.state[row]) - offsets[number]
+        maps = {"Shortest path": scene.shortest_path_distance[:, target].astype(float)}
+        own = slice(offsets[number], offsets[number] + scene.n_states)
+        for method, (policy, _) in learned.items():
+            maps[METHOD_NAMES[method]] = np.asarray(
+                distance(policy.places.here[own], policy.wanted[row], policy.settings), float
+            )
+        table = {"x": scene.location[:, 0], "z": scene.location[:, 1], "rotation": scene.rotation, **maps}
+        write_table(folder.file("distances", f"{task}-{scene.room_type}.csv"), table)
+        figure = distance_maps(scene, target, maps)
+        save_figure(figure, folder.file("figures", f"distance-{task}-{scene.room_type}.png"))
