@@ -147,7 +147,7 @@ def _reference_seconds(
     return float(np.median(seconds))
 
 
-def main(folder: Path = Path("runs/bench"), repeats: int = 3, references: int = 3) -> tuple[Measurement, ...]:
+def main(folder: Path = Path("runs/bench/irl"), repeats: int = 3, references: int = 3) -> tuple[Measurement, ...]:
     """Run the benchmark.
 
     Args:

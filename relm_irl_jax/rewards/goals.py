@@ -34,15 +34,15 @@ def goal_states(scenes: Sequence[Scene], split: TaskSplit, hindsight: str) -> li
             for all states.
 
     Returns:
-        Local states, scene by scene.
+        Local states, scene by scene, the training targets first.
     """
     trained = [np.asarray([t.state for t in split.training if t.scene == n], int) for n in range(len(scenes))]
     if hindsight == "none":
         return trained
-    states = [np.asarray(scene.reachable) for scene in scenes]
-    if hindsight == "open":
-        return states
-    return [np.setdiff1d(own, list(split.evaluation_only(number))) for number, own in enumerate(states)]
+    others = [np.setdiff1d(scene.reachable, own) for scene, own in zip(scenes, trained, strict=True)]
+    if hindsight == "strict":
+        others = [np.setdiff1d(own, list(split.evaluation_only(number))) for number, own in enumerate(others)]
+    return [np.concatenate(both) for both in zip(trained, others, strict=True)]
 
 
 def manual_goals(scenes: Sequence[Scene], split: TaskSplit, hindsight: str, settings: ManualSettings) -> Goals:
@@ -63,7 +63,7 @@ def manual_goals(scenes: Sequence[Scene], split: TaskSplit, hindsight: str, sett
     if settings.step >= 0:
         raise InputError(f"manual.step: {settings.step} costs nothing; the metric agent needs a negative one.")
     states = goal_states(scenes, split, hindsight)
-    return _goals(states, [np.ones((len(own), s.n_states)) for own, s in zip(states, scenes, strict=True)])
+    return _goals(states, [np.ones((len(own), s.n_states)) for own, s in zip(states, scenes, strict=True)], split)
 
 
 def demonstrated_goals(
@@ -87,14 +87,18 @@ def demonstrated_goals(
     Returns:
         The goals.
     """
-    allowed = [set(own.tolist()) for own in goal_states(scenes, split, hindsight)]
     weights: list[dict[int, list[np.ndarray]]] = [{} for _ in scenes]
     for record in records:
-        if record.target.state in allowed[record.target.scene]:
-            weights[record.target.scene].setdefault(record.target.state, []).append(record.solution.w)
-    states = [np.asarray(sorted(own), int) for own in weights]
-    mean = [np.stack([np.mean(own[state], axis=0) for state in sorted(own)]) for own in weights]
-    return _goals(states, _linear_costs(scenes, states, mean, basis, settings))
+        weights[record.target.scene].setdefault(record.target.state, []).append(record.solution.w)
+    states = [
+        np.asarray([state for state in allowed.tolist() if state in own])
+        for allowed, own in zip(goal_states(scenes, split, hindsight), weights, strict=True)
+    ]
+    mean = [
+        np.stack([np.mean(own[state], axis=0) for state in chosen.tolist()])
+        for chosen, own in zip(states, weights, strict=True)
+    ]
+    return _goals(states, _linear_costs(scenes, states, mean, basis, settings), split)
 
 
 def predicted_goals(
@@ -126,7 +130,7 @@ def predicted_goals(
         starts = generator.choice(scene.reachable, (IMAGINED_STARTS, len(own)))
         views = scene.encoded
         weights.append(np.mean([machine.predict(pair_inputs(views[start], views[own])) for start in starts], axis=0))
-    return _goals(states, _linear_costs(scenes, states, weights, basis, settings))
+    return _goals(states, _linear_costs(scenes, states, weights, basis, settings), split)
 
 
 def _linear_costs(
@@ -148,7 +152,7 @@ def _linear_costs(
     return costs
 
 
-def _goals(states: Sequence[np.ndarray], costs: Sequence[np.ndarray]) -> Goals:
+def _goals(states: Sequence[np.ndarray], costs: Sequence[np.ndarray], split: TaskSplit) -> Goals:
     """Pad goals and costs; the mean cost becomes 1, so that distances count steps whatever the reward's unit."""
     count = np.asarray([len(own) for own in states])
     mean = np.concatenate([cost.ravel() for cost in costs]).mean()
@@ -157,4 +161,5 @@ def _goals(states: Sequence[np.ndarray], costs: Sequence[np.ndarray]) -> Goals:
     for number, (own, price) in enumerate(zip(states, costs, strict=True)):
         state[number, : len(own)] = own
         cost[number, : len(own), : price.shape[1]] = price / mean
-    return Goals(jnp.asarray(state), jnp.asarray(count, jnp.int32), jnp.asarray(cost))
+    trained = np.bincount([target.scene for target in split.training], minlength=len(states))
+    return Goals(jnp.asarray(state), jnp.asarray(count, jnp.int32), jnp.asarray(trained, jnp.int32), jnp.asarray(cost))

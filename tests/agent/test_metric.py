@@ -117,7 +117,7 @@ def test_the_loss_vanishes_where_places_are_right():
     place = jnp.asarray([[0.0], [1.0], [2.0]])
     successor = corridor()
     reach = costs_to_go(successor, jnp.arange(3), jnp.ones((3, 3)))
-    goals = Goals(jnp.arange(3)[None], jnp.asarray([3]), jnp.ones((1, 3, 3)))
+    goals = Goals(jnp.arange(3)[None], jnp.asarray([3]), jnp.asarray([1]), jnp.ones((1, 3, 3)))
     scene = grid_scene(1, 1)
     world, targets = build_world([scene], [0]), build_targets([scene], [Target(0, 1)])
     lane = Lane(jnp.zeros((1, 1), jnp.int32), jnp.ones((1, 1), jnp.int32))

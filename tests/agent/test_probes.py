@@ -67,7 +67,7 @@ def test_two_steps():
 
 
 def test_nine_places():
-    """Every step costs 0.2 but the last, which pays 0.2: V(s) = 0.2 (γ^(d−1) − (1 − γ^(d−1)) / (1 − γ)) at distance d."""
+    """Every step costs 0.2 but the last, which pays 0.2; d steps away V = 0.2 (γ^(d−1) − (1 − γ^(d−1)) / (1 − γ))."""
     scene = grid_scene(3, 3)
     world, targets = build_world([scene], [0]), build_targets([scene], [Target(0, 18)])
     reward = ManualReward(jnp.float32(0.2), jnp.float32(-0.2), jnp.float32(-0.2))

@@ -24,13 +24,15 @@ class Goals:
     """Views that the agent sets itself as targets, scene by scene, and what each costs; rows are padded at the end.
 
     Attributes:
-        state: goals, as local states of their scene.
+        state: goals, as local states of their scene; the training targets come first.
         count: number of goals in each scene.
+        trained: number of training targets among them.
         cost: cost of each local state on the way to the goal, in units of the greatest cost of a step.
     """
 
     state: Int32[Array, "scenes goals"]
     count: Int32[Array, "scenes"]
+    trained: Int32[Array, "scenes"]
     cost: Float32[Array, "scenes goals locals"]
 
 

@@ -202,7 +202,10 @@ def hindsight_loss(
     scenes = len(setting.n_locals)
     of_scene = jnp.arange(scenes)[:, None]
     local = jax.random.randint(state_key, (scenes, settings.states), 0, setting.n_locals[:, None])
-    column = jax.random.randint(goal_key, (scenes, settings.goals), 0, jnp.maximum(setting.goals.count, 1)[:, None])
+    kind_key, goal_key = jax.random.split(goal_key)
+    trained = jax.random.bernoulli(kind_key, settings.target_share, (scenes, settings.goals))
+    among = jnp.where(trained, setting.goals.trained[:, None], setting.goals.count[:, None])
+    column = jax.random.randint(goal_key, (scenes, settings.goals), 0, among)
     reach, following = setting.hindsight.reach, setting.hindsight.following[of_scene, local]
     wanted = reach[of_scene[..., None], local[:, :, None], column[:, None, :]]
     behind = jnp.where(
