@@ -15,6 +15,7 @@ from relm_irl_jax.scenes.catalog import check_source
 from relm_irl_jax.stages.encoding import encode_training
 from relm_irl_jax.stages.evaluating import evaluate_task
 from relm_irl_jax.stages.learning import learn
+from relm_irl_jax.stages.playing import map_episodes
 from relm_irl_jax.stages.training import train_method
 from relm_irl_jax.tasks import draw_split
 
@@ -67,6 +68,7 @@ def run(config: Config) -> tuple[RunFolder, dict]:
                 train_method(config, method, seed, encoded.scenes, split, learned, folder)
     with stopwatch("evaluation"):
         results = evaluate_task(config, folder, encoded, config.task)
+        map_episodes(config, folder, encoded, _shown(results), config.task)
     write_json(folder.file("machine.json"), machine() | {"seconds": stopwatch.seconds})
     write_report(folder, config, results)
     return folder, results
@@ -83,6 +85,13 @@ def evaluate_run(config: Config, folder: RunFolder, task: str) -> dict:
     Returns:
         The contents of `results.json`.
     """
-    results = evaluate_task(config, folder, encode_training(config), task)
+    encoded = encode_training(config)
+    results = evaluate_task(config, folder, encoded, task)
+    map_episodes(config, folder, encoded, _shown(results), task)
     write_report(folder, config, results)
     return results
+
+
+def _shown(results: dict) -> Method:
+    """The method whose episodes the report shows: the last one evaluated, which is the paper's where it was."""
+    return results["rows"][-1]["method"]

@@ -6,7 +6,7 @@
     curves/METHOD-seed-S.csv         the learning curve
     rewards/seed-S/                  basis, demonstrated weights, fitted machines, quality of the rewards
     results-TASK.json, results.json  metrics for each task, and of the task evaluated last
-    report.md, figures/              the same for people
+    report.html, report.md, figures/ the same for people
 
 Every file appears whole or not at all.
 """

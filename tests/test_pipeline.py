@@ -51,6 +51,10 @@ def test_the_run_leaves_what_it_promises(first, folder):
         assert (folder / "one" / name).stat().st_size > 0
     assert sorted((folder / "one" / "figures").glob("reward-*.png"))
     assert "RELM-IRL" in first.stdout
+    page = (folder / "one" / "report.html").read_text()
+    assert page.count("data:image/png;base64,") == len(list((folder / "one" / "figures").glob("*.png")))
+    assert 'src="figures' not in page
+    assert (folder / "one" / "figures" / "episodes-II.png").exists()
     quality = read_table(folder / "one" / "rewards" / "seed-0" / "quality.csv")
     assert {"irl", "elm-irl", "relm-irl"} == set(quality["method"])
 

@@ -63,8 +63,8 @@ class MetricSettings:
     goals: PositiveInt = 128
     """Goals of each scene that an update draws; all pairs of both are learned from."""
     target_share: Annotated[float, Field(ge=0, le=1)] = 0.25
-    """Share of them drawn from the training targets alone, the others from all goals (SPL on trained targets .93 without,
-    1.00 with a quarter; on new ones .90 and .89)."""
+    """Share of them drawn from the training targets alone, the others from all goals (SPL on trained targets .93
+    without, 1.00 with a quarter; on new ones .90 and .89)."""
     learning_rate: PositiveFloat = 1e-3
     """Adam's greatest step size; it falls to a fiftieth along a cosine."""
     gradient_clip: PositiveFloat = 10.0

@@ -204,7 +204,9 @@ def plain_product(repeats: int) -> float:
     return 2 * 2048**3 / measure(lambda: product(a, b), repeats).median / 1e9
 
 
-def main(folder: Path = Path("runs/bench/agent"), repeats: int = 10, workers: tuple[int, ...] = (64, 128, 256, 512, 1024)):
+def main(
+    folder: Path = Path("runs/bench/agent"), repeats: int = 10, workers: tuple[int, ...] = (64, 128, 256, 512, 1024)
+):
     """Run the benchmark.
 
     Args:

@@ -15,10 +15,13 @@ from relm_irl_jax.env import Episode
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.evaluation import Policy, scene_lanes
 from relm_irl_jax.progress import progress_bar
+from relm_irl_jax.report.episodes import episode_maps
+from relm_irl_jax.report.figures import save_figure
+from relm_irl_jax.report.tables import METHOD_NAMES
 from relm_irl_jax.runs import RunFolder
 from relm_irl_jax.scenes.catalog import training_scenes, unseen_scenes
 from relm_irl_jax.scenes.scene import GRID_STEP, Scene
-from relm_irl_jax.stages.encoding import encode_training, encode_unseen
+from relm_irl_jax.stages.encoding import EncodedScenes, encode_training, encode_unseen
 from relm_irl_jax.stages.evaluating import policy_of
 from relm_irl_jax.stages.training import head_numbers, world_of
 from relm_irl_jax.tasks import draw_split
@@ -69,7 +72,54 @@ def play(
     """
     if method != "random" and not folder.agent(method, seed).exists():
         raise InputError(f"{folder.path}: holds no agent of {method} with seed {seed}; train it, or choose another.")
-    training = encode_training(config)
+    played = []
+    walks = walks_of(config, folder, encode_training(config), method, task, seed, episode)
+    with progress_bar("drawing episodes", len(walks), "scenes") as advance:
+        for scene, walk in walks:
+            path = folder.file("episodes", f"{method}-{task}-{scene.name}-{episode}.gif")
+            write_gif(path, scene, walk)
+            played.append((path, walk))
+            advance(1)
+    return played
+
+
+def map_episodes(
+    config: Config, folder: RunFolder, training: EncodedScenes, method: Method, task: str, seed: int = 0
+) -> None:
+    """Draw the first episode in one scene of each room type, as a figure of the run folder.
+
+    Args:
+        config: the configuration as run.
+        folder: the run folder.
+        training: the training scenes.
+        method: whose agent.
+        task: `I`, `II` or `III`.
+        seed: which seed's agent.
+    """
+    first = {}
+    for scene, walk in walks_of(config, folder, training, method, task, seed, 0):
+        first.setdefault(scene.room_type, (scene, walk.states, walk.target))
+    title = f"{METHOD_NAMES[method]}, Task {task}: first episodes"
+    save_figure(episode_maps(list(first.values()), title), folder.file("figures", f"episodes-{task}.png"))
+
+
+def walks_of(
+    config: Config, folder: RunFolder, training: EncodedScenes, method: Method, task: str, seed: int, episode: int
+) -> list[tuple[Scene, Walk]]:
+    """Run one episode in each scene of a task.
+
+    Args:
+        config: the configuration as run.
+        folder: the run folder.
+        training: the training scenes.
+        method: whose agent.
+        task: `I`, `II` or `III`.
+        seed: which seed's agent.
+        episode: number of the episode.
+
+    Returns:
+        Scenes with their views, and walks.
+    """
     unseen = encode_unseen(config, training) if task == "III" else []
     scenes = unseen if task == "III" else training.scenes
     pictured = (unseen_scenes if task == "III" else training_scenes)(config.scenes, config.scene)
@@ -81,14 +131,7 @@ def play(
     walks = walk_all(
         jax.random.fold_in(jax.random.key(seed), episode), policy, world, targets, scenes, config.tasks.cap
     )
-    played = []
-    with progress_bar("drawing episodes", len(walks), "scenes") as advance:
-        for scene, walk in zip(pictured, walks, strict=True):
-            path = folder.file("episodes", f"{method}-{task}-{scene.name}-{episode}.gif")
-            write_gif(path, scene, walk)
-            played.append((path, walk))
-            advance(1)
-    return played
+    return list(zip(pictured, walks, strict=True))
 
 
 def walk_all(

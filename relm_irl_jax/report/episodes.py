@@ -1,0 +1,53 @@
+"""Maps of episodes: the way an agent took, a shortest way, and what it was shown as its target."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Int32
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from relm_irl_jax.experts import shortest_path_expert, walk
+from relm_irl_jax.scenes.scene import GRID_STEP, Scene
+
+
+def episode_maps(episodes: Sequence[tuple[Scene, Int32[np.ndarray, "steps+1"], int]], title: str) -> Figure:
+    """Draw one episode a scene from above, the target's view beneath.
+
+    Args:
+        episodes: scene with views, the states walked, and the target's state.
+        title: title of the figure.
+
+    Returns:
+        The figure.
+    """
+    figure = Figure(figsize=(4.2 * len(episodes), 6.4), layout="constrained")
+    panels = figure.subplots(2, len(episodes), squeeze=False, height_ratios=(2, 1))
+    for column, (scene, states, target) in enumerate(episodes):
+        _map(panels[0, column], scene, states, target)
+        panels[1, column].imshow(scene.views[target])
+        panels[1, column].set_axis_off()
+        panels[1, column].set_title("the target's view", fontsize=9)
+    panels[0, 0].legend(loc="upper left", bbox_to_anchor=(0, -0.12), ncols=3, frameon=False, fontsize=8)
+    figure.suptitle(title)
+    return figure
+
+
+def _map(panel: Axes, scene: Scene, states: Int32[np.ndarray, "steps+1"], target: int) -> None:
+    expert = shortest_path_expert(scene, target)
+    shortest = walk(scene, expert, int(states[0])).states
+    places = np.unique(scene.location, axis=0)
+    panel.scatter(*places.T, s=26, marker="s", color="#e4e4e4", linewidths=0)
+    panel.plot(*scene.location[shortest].T, color="#999999", lw=5, alpha=0.6, label="a shortest way")
+    panel.plot(*scene.location[states].T, color="#1f6fd6", lw=1.6, label="way taken")
+    panel.plot(*scene.location[states[0]], "o", color="#1f6fd6", markersize=8)
+    panel.plot(*scene.location[target], "*", color="#d62728", markersize=14, markeredgecolor="white", label="target")
+    for state, colour in ((int(states[0]), "#1f6fd6"), (target, "#d62728")):
+        heading = np.deg2rad(scene.rotation[state])
+        tip = scene.location[state] + 1.5 * GRID_STEP * np.array([np.sin(heading), np.cos(heading)])
+        panel.annotate("", tip, scene.location[state], arrowprops={"arrowstyle": "->", "color": colour, "lw": 1.6})
+    steps, least = len(states) - 1, len(shortest) - 1
+    outcome = f"found in {steps} steps" if int(states[-1]) == target else f"not found in {steps} steps"
+    panel.set(title=f"{scene.name}: {outcome} (shortest {least})", aspect="equal")
+    panel.title.set_fontsize(10)
+    panel.set_axis_off()
