@@ -22,6 +22,10 @@ from relm_irl_jax.irl.program import Multipliers, Program
 STEPS = 80
 """Newton steps before giving up."""
 
+LIFTS = (0.0, 1e-15, 1e-13, 1e-11)
+"""What is added to K's diagonal, relative to its largest entry, until rounding no longer hides that K is positive
+definite. A lifted step is less exact; the certificate judges where such steps lead."""
+
 TOLERANCE = 1e-9
 """Complementarity and residuals, relative to the objective's and the bounds' size, at which to stop."""
 
@@ -38,14 +42,14 @@ class _Newton(NamedTuple):
     dual_t: Float64[np.ndarray, "margins"]
 
 
-def interior_point(program: Program) -> tuple[Float64[np.ndarray, "rank"], Multipliers] | None:
+def interior_point(program: Program) -> tuple[Float64[np.ndarray, "rank"], Multipliers]:
     """Solve a program.
 
     Args:
         program: the program; rewards must have one sign where |r| is penalised.
 
     Returns:
-        c and the multipliers, to be judged by `program.certify`; None where a step broke down.
+        c and the multipliers, to be judged by their certificate; where a step breaks down, those before it.
     """
     rows, owner = program.stacked_rows()
     m = rows if isinstance(rows, np.ndarray) else rows.toarray()
@@ -104,10 +108,14 @@ def interior_point(program: Program) -> tuple[Float64[np.ndarray, "rank"], Multi
         matrix = dsyrk(1.0, stacked.T, beta=1.0, c=matrix, lower=1, overwrite_c=1)
         if basis is None:
             matrix[diagonal, diagonal] += held
-        matrix[diagonal, diagonal] *= 1.0 + 1e-14
-        factor, failed = dpotrf(matrix, lower=1, overwrite_a=1, clean=0)
-        if failed:
-            return None
+        own = matrix[diagonal, diagonal].copy()
+        for lift in LIFTS:
+            matrix[diagonal, diagonal] = own + lift * own.max()
+            factor, failed = dpotrf(matrix, lower=1, clean=0)
+            if not failed:
+                break
+        else:
+            break
 
         step = _Newton(factor, weight, total, mean, primal, dual_c, dual_t)
         _, _, ds, dz = direction(step, s, z, s * z)

@@ -140,8 +140,8 @@ def optimise(program: Program) -> Optimum:
     sparse = program.basis is None and program.quadratic is None
     if not sparse and not (program.absolute > 0.0 and program.upper.max() > 0.0):
         found = interior_point(program)
-        optimum = found and _judge(program, *found, Status.NOT_CONVERGED)
-        if optimum and optimum.status is Status.OPTIMAL:
+        optimum = _judge(program, *found, Status.NOT_CONVERGED)
+        if optimum.status is Status.OPTIMAL:
             return optimum
     else:
         optimum = None
