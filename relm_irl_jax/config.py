@@ -10,6 +10,7 @@ from pydantic import PositiveInt, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
 from relm_irl_jax.agent.settings import MetricSettings, SiameseSettings
+from relm_irl_jax.cluster import ClusterSettings
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.features.encoder import EncoderSettings
 from relm_irl_jax.rewards.assemble import ManualSettings
@@ -27,7 +28,7 @@ METHODS: tuple[Method, ...] = ("random", "bc", "rl", "irl", "elm-irl", "relm-irl
 PAPER_METHODS: tuple[Method, ...] = ("random", "rl", "irl", "elm-irl", "relm-irl")
 """What `all` means: the methods of the paper."""
 
-NOT_TRAINED = ("task", "methods", "seeds", "run", "evaluation")
+NOT_TRAINED = ("task", "methods", "seeds", "run", "evaluation", "cluster")
 """Fields that trained agents do not depend on; the others must agree for a run folder to be continued."""
 
 
@@ -67,6 +68,8 @@ class Config:
     """The metric agent."""
     evaluation: EvaluationSettings = EvaluationSettings()
     """Evaluation."""
+    cluster: ClusterSettings = ClusterSettings()
+    """Other processes that share the siamese agent's training."""
 
     def chosen_methods(self) -> tuple[Method, ...]:
         """Methods asked for, in the order of the tables."""

@@ -7,6 +7,7 @@ import time
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
+from relm_irl_jax.cluster import join
 from relm_irl_jax.config import Config, Method
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.report.page import machine, write_report
@@ -50,6 +51,7 @@ def run(config: Config) -> tuple[RunFolder, dict]:
         InputError: the configuration, the scenes or the run folder cannot be used.
     """
     check_source(config.scenes)
+    join(config.cluster)
     if config.agent == "metric" and "bc" in config.methods:
         raise InputError("methods: bc clones the siamese agent's policy; leave it out, or use --agent siamese.")
     folder = open_run(config)

@@ -166,7 +166,9 @@ def main(folder: Path = Path("runs/bench/irl"), repeats: int = 3, references: in
         rows += [measure("states", replace(base, places=places), repeats, 0) for places in (25, 50, 100, 200)]
         rows += [measure("trajectories", replace(base, trajectories=n), repeats, 0) for n in (50, 100, 400, 800)]
     for dimension in (16, 32, 64, 128, 256, 512, 2048):
-        rows.append(measure("dimension", Case("lp-l2", 100, dimension, 100), repeats, 0))
+        # From about half as many dimensions as states on, the programs are dense and large.
+        count = 100 if dimension <= 128 else 20
+        rows.append(measure("dimension", Case("lp-l2", 100, dimension, count), repeats, 0))
     with (folder / "irl.csv").open("w", newline="") as file:
         writer = csv.DictWriter(file, list(asdict(rows[0])))
         writer.writeheader()
@@ -214,10 +216,10 @@ def _draw(rows: Sequence[Measurement], path: Path) -> None:
             own = [row for row in rows if row.sweep == sweep and row.variant == variant]
             if own:
                 label = variant if sweep == "dimension" else f"{variant}, d = {own[0].dimension}"
-                axes.loglog(
-                    [getattr(row, sweep) for row in own], [row.median_seconds for row in own], "o-", label=label
-                )
-        axes.set(xlabel=sweep, ylabel="seconds")
+                each = [1e3 * row.median_seconds / row.trajectories for row in own]
+                axes.loglog([getattr(row, sweep) for row in own], each, "o-", label=label)
+        axes.set(xlabel=sweep, ylabel="milliseconds a problem")
+        axes.grid(alpha=0.3, which="both")
         axes.legend(frameon=False)
     figure.savefig(path, dpi=150)
 

@@ -275,11 +275,16 @@ def _light(problem: MaxMarginProblem) -> MaxMarginProblem:
     return replace(problem, features=np.zeros((len(problem.features), 0)))
 
 
+def _one_thread() -> None:
+    """Hold BLAS to one thread. This module, and BLAS with it, is loaded by now; libraries loaded later are not held."""
+    threadpool_limits(1)
+
+
 class SolverPool(ProcessPoolExecutor):
     """Processes with one BLAS thread each that do not import the main module, and JAX with it, again."""
 
     def __init__(self, processes: int):
-        super().__init__(processes, multiprocessing.get_context("spawn"), initializer=threadpool_limits, initargs=(1,))
+        super().__init__(processes, multiprocessing.get_context("spawn"), initializer=_one_thread)
 
     def submit(self, fn, /, *args, **kwargs):
         """As of any executor. Processes start here, and look at the main module to import it."""

@@ -1,16 +1,21 @@
 """Workers over devices: each steps its share of them with its own copy of θ, and gradients are averaged over all.
 
-What a worker sees does not depend on the device that steps it, so one and eight devices compute the same numbers, up
-to the order of sums. What every device repeats, the tables of the shared layer, limits the gain from more of them.
+What a worker sees does not depend on the device that steps it, so one and eight devices, of one process or of several,
+compute the same numbers, up to the order of sums. What every device repeats, the tables of the shared layer, limits
+the gain from more of them; what they exchange is one gradient of θ an update.
 """
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TypeVar
 
 import jax
+import numpy as np
 from jax.sharding import AxisType, NamedSharding, PartitionSpec
 
 from relm_irl_jax.agent.siamese.update import Learner, Setting
+
+Tree = TypeVar("Tree")
 
 
 def over_devices(
@@ -19,9 +24,10 @@ def over_devices(
     """Place workers on devices, and everything else on each of them.
 
     Args:
-        learner: the state of training.
-        setting: what training looks up.
-        devices: devices to use; all where None. As many of them as divide the workers of a head are used.
+        learner: the state of training, the same in every process.
+        setting: what training looks up, the same in every process.
+        devices: devices to use; those of all processes where None. As many of them as divide the workers of a head are
+            used.
 
     Returns:
         Both, placed; compiled functions of them run on all the devices.
@@ -31,7 +37,22 @@ def over_devices(
     count = max(n for n in range(1, len(chosen) + 1) if batch % n == 0)
     mesh = jax.make_mesh((count,), ("workers",), (AxisType.Auto,), devices=chosen[:count])
     shared, everywhere = (NamedSharding(mesh, PartitionSpec(*axes)) for axes in ((None, "workers"), ()))
+    episode, lane = _placed(learner.episode, shared), _placed(setting.lane, shared)
     return (
-        replace(jax.device_put(learner, everywhere), episode=jax.device_put(learner.episode, shared)),
-        replace(jax.device_put(setting, everywhere), lane=jax.device_put(setting.lane, shared)),
+        replace(_placed(learner, everywhere), episode=episode),
+        replace(_placed(setting, everywhere), lane=lane),
     )
+
+
+def _placed(tree: Tree, sharding: NamedSharding) -> Tree:
+    """Arrays that every process holds whole, as arrays of all processes' devices."""
+    if jax.process_count() == 1:
+        return jax.device_put(tree, sharding)
+
+    def place(array: jax.Array) -> jax.Array:
+        if jax.dtypes.issubdtype(array.dtype, jax.dtypes.prng_key):
+            return jax.random.wrap_key_data(place(jax.random.key_data(array)))
+        whole = np.asarray(array)
+        return jax.make_array_from_callback(whole.shape, sharding, lambda index: whole[index])
+
+    return jax.tree.map(place, tree)
