@@ -22,6 +22,7 @@ from relm_irl_jax.agent.settings import SiameseSettings
 from relm_irl_jax.agent.siamese.network import SiameseActorCritic, forward, tabulate
 from relm_irl_jax.agent.siamese.train import begin, network_of, run_chunk, worker_lanes
 from relm_irl_jax.agent.siamese.update import Learner, Setting, sampling_actor
+from relm_irl_jax.benchmarks.axes import log_axes
 from relm_irl_jax.benchmarks.irl import open_room
 from relm_irl_jax.benchmarks.timing import Timing, machine, measure
 from relm_irl_jax.progress import progress_bar
@@ -257,5 +258,6 @@ def _draw(rows: list[Rate], path: Path) -> None:
         own = [row for row in rows if row.what == what]
         axes.loglog([row.workers for row in own], [row.frames_per_second for row in own], "o-", label=what)
     axes.set(xlabel="workers", ylabel="frames a second")
+    log_axes(axes, [row.workers for row in rows])
     axes.legend(frameon=False)
     figure.savefig(path, dpi=150)

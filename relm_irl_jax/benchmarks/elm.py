@@ -17,10 +17,10 @@ import numpy as np
 from jax import lax
 from jaxtyping import Float64
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter
 from rich.console import Console
 from rich.table import Table
 
+from relm_irl_jax.benchmarks.axes import log_axes
 from relm_irl_jax.benchmarks.timing import REPEATS, machine, measure
 from relm_irl_jax.elm.hidden import HiddenLayer, draw_hidden
 from relm_irl_jax.elm.linear import float64
@@ -193,8 +193,7 @@ def draw(rows: list[Row], path: Path) -> None:
             axes.loglog([getattr(row, axis) for row in line], [row.median for row in line], style, label=method)
         fixed = ", ".join(f"{name} = {getattr(line[0], name)}" for name in SCALING if name != axis)
         axes.set(xlabel=axis, title=fixed)
-        axes.grid(alpha=0.3, which="both")
-        axes.xaxis.set_minor_formatter(NullFormatter())
+        log_axes(axes, [getattr(row, axis) for row in line])
     figure.axes[0].set_ylabel("seconds (median)")
     figure.axes[0].legend()
     figure.suptitle(f"MRSR + PRESS of every prefix + refit: {machine()}", fontsize=8)

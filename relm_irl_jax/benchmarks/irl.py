@@ -16,6 +16,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from relm_irl_jax.benchmarks.axes import log_axes
 from relm_irl_jax.benchmarks.timing import machine
 from relm_irl_jax.experts import shortest_path_expert, walk
 from relm_irl_jax.irl import MaxMarginProblem, MaxMarginSettings, Solution, reference_max_margin, solve_many
@@ -174,21 +175,9 @@ def main(folder: Path = Path("runs/bench/irl"), repeats: int = 3, references: in
         writer.writeheader()
         writer.writerows(asdict(row) for row in rows)
     _draw(rows, folder / "irl.png")
-    table = Table(title=f"Maximum-margin IRL: {machine()}")
-    for heading in (
-        "sweep",
-        "variant",
-        "states",
-        "d",
-        "problems",
-        "s median",
-        "s worst",
-        "s processor",
-        "per s",
-        "gap",
-        "× cvxpy",
-    ):
-        table.add_column(heading, justify="left" if heading in ("sweep", "variant") else "right")
+    table = Table(title=f"Maximum-margin IRL: {machine()}", padding=(0, 0))
+    for heading in ("sweep", "variant", "states", "d", "problems", "median s", "worst s", "per s", "gap", "× cvxpy"):
+        table.add_column(heading, justify="left" if heading in ("sweep", "variant") else "right", no_wrap=True)
     for row in rows:
         table.add_row(
             row.sweep,
@@ -198,7 +187,6 @@ def main(folder: Path = Path("runs/bench/irl"), repeats: int = 3, references: in
             f"{row.trajectories}",
             f"{row.median_seconds:.2f}",
             f"{row.worst_seconds:.2f}",
-            f"{row.processor_seconds:.2f}",
             f"{row.trajectories / row.median_seconds:.0f}",
             f"{row.worst_gap:.0e}",
             "" if np.isnan(row.ratio) else f"{row.ratio:.0f}",
@@ -219,8 +207,8 @@ def _draw(rows: Sequence[Measurement], path: Path) -> None:
                 each = [1e3 * row.median_seconds / row.trajectories for row in own]
                 axes.loglog([getattr(row, sweep) for row in own], each, "o-", label=label)
         axes.set(xlabel=sweep, ylabel="milliseconds a problem")
-        axes.grid(alpha=0.3, which="both")
-        axes.legend(frameon=False)
+        log_axes(axes, [getattr(row, sweep) for row in rows if row.sweep == sweep])
+        axes.legend(frameon=False, fontsize=8)
     figure.savefig(path, dpi=150)
 
 
