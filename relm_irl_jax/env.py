@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Int32, PRNGKeyArray
 
 from relm_irl_jax.world import Targets, World
@@ -77,6 +78,26 @@ class Transition:
     terminated: Bool[Array, ""]
     truncated: Bool[Array, ""]
     collided: Bool[Array, ""]
+
+
+def scene_lanes(targets: Targets, n_scenes: int, episodes: int) -> Lane:
+    """Lanes that tie episodes to scenes: each may be sent to every target of its scene.
+
+    Args:
+        targets: the targets, in the order of their scenes.
+        n_scenes: number of scenes.
+        episodes: number of episodes in each scene.
+
+    Returns:
+        One lane an episode; fields are [scenes, episodes].
+    """
+    numbers = np.arange(n_scenes)
+    scene = np.asarray(targets.scene)
+    spread = lambda values: jnp.asarray(np.repeat(values[:, None], episodes, 1), jnp.int32)  # noqa: E731
+    return Lane(
+        first=spread(np.searchsorted(scene, numbers)),
+        count=spread(np.bincount(scene, minlength=n_scenes)),
+    )
 
 
 def reset(key: PRNGKeyArray, targets: Targets, lane: Lane) -> Episode:

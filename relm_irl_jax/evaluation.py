@@ -13,7 +13,7 @@ from relm_irl_jax.agent.metric.network import MetricNetwork, Places, distance, p
 from relm_irl_jax.agent.rollout import sample_action
 from relm_irl_jax.agent.settings import MetricSettings
 from relm_irl_jax.agent.siamese.network import FusionTables, Parameters, SiameseActorCritic, forward, tabulate
-from relm_irl_jax.env import Lane
+from relm_irl_jax.env import Lane, scene_lanes
 from relm_irl_jax.scenes.scene import ACTIONS
 from relm_irl_jax.world import Targets, World
 
@@ -218,26 +218,6 @@ def evaluate(key: PRNGKeyArray, policy: Policy, world: World, targets: Targets, 
     """
     lane = scene_lanes(targets, _n_scenes(world), episodes)
     return jax.tree.map(np.asarray, _run(key, policy, world, targets, lane, jnp.int32(cap)))
-
-
-def scene_lanes(targets: Targets, n_scenes: int, episodes: int) -> Lane:
-    """Lanes that tie episodes to scenes: each may be sent to every target of its scene.
-
-    Args:
-        targets: the targets, in the order of their scenes.
-        n_scenes: number of scenes.
-        episodes: number of episodes in each scene.
-
-    Returns:
-        One lane an episode; fields are [scenes, episodes].
-    """
-    numbers = np.arange(n_scenes)
-    scene = np.asarray(targets.scene)
-    spread = lambda values: jnp.asarray(np.repeat(values[:, None], episodes, 1), jnp.int32)  # noqa: E731
-    return Lane(
-        first=spread(np.searchsorted(scene, numbers)),
-        count=spread(np.bincount(scene, minlength=n_scenes)),
-    )
 
 
 @jax.jit

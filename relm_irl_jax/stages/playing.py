@@ -11,9 +11,9 @@ from PIL import Image, ImageDraw
 
 from relm_irl_jax import env
 from relm_irl_jax.config import Config, Method
-from relm_irl_jax.env import Episode
+from relm_irl_jax.env import Episode, scene_lanes
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.evaluation import Policy, scene_lanes
+from relm_irl_jax.evaluation import Policy
 from relm_irl_jax.progress import progress_bar
 from relm_irl_jax.report.episodes import episode_maps
 from relm_irl_jax.report.figures import save_figure

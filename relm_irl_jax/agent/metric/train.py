@@ -1,13 +1,13 @@
 """Training of the metric agent: explore and learn in compiled chunks, costs to go renewed as the experience grows."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float64, PRNGKeyArray
+from jaxtyping import Array, Bool, Float64, Int32, PRNGKeyArray
 
 from relm_irl_jax import env
 from relm_irl_jax.agent.metric.costs import Goals, costs_to_go
@@ -20,13 +20,11 @@ from relm_irl_jax.agent.metric.update import (
     MetricSetting,
     metric_optimiser,
     update,
-    with_hindsight,
 )
 from relm_irl_jax.agent.rollout import EpisodeSums
 from relm_irl_jax.agent.settings import MetricSettings
-from relm_irl_jax.env import Lane
+from relm_irl_jax.env import Lane, scene_lanes
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.evaluation import scene_lanes
 from relm_irl_jax.rewards.model import RewardModel
 from relm_irl_jax.world import Targets, World
 
@@ -129,21 +127,27 @@ def run_chunk(
 
 
 @jax.jit
-def look_back(graph: ExperienceGraph, world: World, goals: Goals, setting_state: Array, n_locals: Array) -> Hindsight:
+def look_back(
+    graph: ExperienceGraph,
+    world: World,
+    goals: Goals,
+    state: Int32[Array, "scenes locals"],
+    n_locals: Int32[Array, "scenes"],
+) -> Hindsight:
     """Costs to go on the graph as it is now.
 
     Args:
         graph: transitions met.
         world: the scenes.
         goals: the goals and what the way to each costs.
-        setting_state: world state of each scene's local states, padded.
+        state: world state of each scene's local states, padded.
         n_locals: number of states of each scene.
 
     Returns:
         The costs to go.
     """
-    own = jnp.arange(setting_state.shape[1]) < n_locals[:, None]
-    successor = graph.successor[setting_state]
+    own = jnp.arange(state.shape[1]) < n_locals[:, None]
+    successor = graph.successor[state]
     following = jnp.where((successor != UNTRIED) & own[..., None], world.local[successor], UNTRIED)
     return Hindsight(following, jax.lax.map(lambda row: costs_to_go(*row), (following, goals.state, goals.cost)))
 
@@ -238,7 +242,8 @@ def train_metric(
             tried_before = tried
             if settings.symmetric and bool(one_way(learner.graph).any()):
                 raise InputError("metric.symmetric: some step cannot be taken back in these scenes; set it to false.")
-            setting = with_hindsight(setting, look_back(learner.graph, world, goals, state, setting.n_locals))
+            hindsight = look_back(learner.graph, world, goals, state, setting.n_locals)
+            setting = replace(setting, hindsight=hindsight)
         done = (number + 1) * chunk * per_update
         rows.append((done, chunk * per_update, met, tried, jax.device_get(sums), jax.device_get(losses)))
         report(chunk * per_update)

@@ -8,7 +8,7 @@ over pairs of states and goals that the experience graph connects, C being the l
 own reward (`costs`). The best actions are those that lead to the least C; equally good ones share the probability.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import cast
 
 import jax
@@ -240,16 +240,3 @@ def hindsight_loss(
     losses = Losses(error + error_behind, choice, successor)
     total = losses.distance + settings.choice_weight * choice + settings.successor_weight * successor
     return total, losses
-
-
-def with_hindsight(setting: MetricSetting, hindsight: Hindsight) -> MetricSetting:
-    """The setting with other costs to go.
-
-    Args:
-        setting: the setting.
-        hindsight: costs to go on a larger graph.
-
-    Returns:
-        The setting.
-    """
-    return replace(setting, hindsight=hindsight)
