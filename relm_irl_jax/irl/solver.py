@@ -4,6 +4,7 @@ certificate."""
 import multiprocessing
 import os
 import sys
+import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
@@ -275,16 +276,22 @@ def _light(problem: MaxMarginProblem) -> MaxMarginProblem:
     return replace(problem, features=np.zeros((len(problem.features), 0)))
 
 
-def _one_thread() -> None:
-    """Hold BLAS to one thread. This module, and BLAS with it, is loaded by now; libraries loaded later are not held."""
+def _begin_process() -> None:
+    """Hold BLAS to one thread, and end with the parent, however that ends.
+
+    This module, and BLAS with it, is loaded by now; libraries loaded later would not be held.
+    """
     threadpool_limits(1)
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    threading.Thread(target=lambda: (parent.join(), os._exit(1)), daemon=True).start()
 
 
 class SolverPool(ProcessPoolExecutor):
     """Processes with one BLAS thread each that do not import the main module, and JAX with it, again."""
 
     def __init__(self, processes: int):
-        super().__init__(processes, multiprocessing.get_context("spawn"), initializer=_one_thread)
+        super().__init__(processes, multiprocessing.get_context("spawn"), initializer=_begin_process)
 
     def submit(self, fn, /, *args, **kwargs):
         """As of any executor. Processes start here, and look at the main module to import it."""

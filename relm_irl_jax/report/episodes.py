@@ -5,7 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Int32
 from matplotlib.axes import Axes
+from matplotlib.collections import PatchCollection
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
 from relm_irl_jax.experts import shortest_path_expert, walk
 from relm_irl_jax.scenes.scene import GRID_STEP, Scene
@@ -36,8 +38,9 @@ def episode_maps(episodes: Sequence[tuple[Scene, Int32[np.ndarray, "steps+1"], i
 def _map(panel: Axes, scene: Scene, states: Int32[np.ndarray, "steps+1"], target: int) -> None:
     expert = shortest_path_expert(scene, target)
     shortest = walk(scene, expert, int(states[0])).states
-    places = np.unique(scene.location, axis=0)
-    panel.scatter(*places.T, s=26, marker="s", color="#e4e4e4", linewidths=0)
+    corners = np.unique(scene.location, axis=0) - 0.46 * GRID_STEP
+    squares = [Rectangle((x, z), 0.92 * GRID_STEP, 0.92 * GRID_STEP) for x, z in corners]
+    panel.add_collection(PatchCollection(squares, facecolor="#e8e8e8", edgecolor="none"))
     panel.plot(*scene.location[shortest].T, color="#999999", lw=5, alpha=0.6, label="a shortest way")
     panel.plot(*scene.location[states].T, color="#1f6fd6", lw=1.6, label="way taken")
     panel.plot(*scene.location[states[0]], "o", color="#1f6fd6", markersize=8)
@@ -45,9 +48,11 @@ def _map(panel: Axes, scene: Scene, states: Int32[np.ndarray, "steps+1"], target
     for state, colour in ((int(states[0]), "#1f6fd6"), (target, "#d62728")):
         heading = np.deg2rad(scene.rotation[state])
         tip = scene.location[state] + 1.5 * GRID_STEP * np.array([np.sin(heading), np.cos(heading)])
-        panel.annotate("", tip, scene.location[state], arrowprops={"arrowstyle": "->", "color": colour, "lw": 1.6})
+        arrow = {"arrowstyle": "->", "color": colour, "lw": 1.6}
+        panel.annotate("", tip, scene.location[state], arrowprops=arrow, annotation_clip=False)
     steps, least = len(states) - 1, len(shortest) - 1
     outcome = f"found in {steps} steps" if int(states[-1]) == target else f"not found in {steps} steps"
     panel.set(title=f"{scene.name}: {outcome} (shortest {least})", aspect="equal")
     panel.title.set_fontsize(10)
+    panel.margins(0.08)
     panel.set_axis_off()
