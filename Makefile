@@ -6,7 +6,7 @@ STAMP  := $(VENV)/.ready-$(shell cat requirements.lock pyproject.toml | cksum | 
 
 TASK   ?= II
 METHOD ?= all
-AGENT  ?= siamese
+AGENT  ?=
 SCENES ?= rooms
 SEEDS  ?=
 FRAMES ?=
@@ -28,8 +28,8 @@ $(STAMP):
 setup: $(STAMP)  ## Create .venv with the locked packages.
 
 train: $(STAMP)  ## Train and evaluate: TASK=I|II|III METHOD= AGENT=siamese|metric SCENES= SEEDS= FRAMES= RUN= ARGS=.
-	@$(BIN)/relm-irl train --task '$(TASK)' --methods '$(METHOD)' --agent '$(AGENT)' --scenes '$(SCENES)' \
-	  $(if $(SEEDS),--seeds '$(SEEDS)') $(if $(FRAMES),--frames '$(FRAMES)') $(if $(RUN),--run '$(RUN)') $(ARGS)
+	@$(BIN)/relm-irl train --task '$(TASK)' --methods '$(METHOD)' --scenes '$(SCENES)' \
+	  $(if $(AGENT),--agent '$(AGENT)') $(if $(SEEDS),--seeds '$(SEEDS)') $(if $(FRAMES),--frames '$(FRAMES)') $(if $(RUN),--run '$(RUN)') $(ARGS)
 
 evaluate: $(STAMP)  ## Evaluate a finished run on another task: RUN= TASK=.
 	@$(BIN)/relm-irl evaluate '$(RUN)' --task '$(TASK)' $(ARGS)
