@@ -124,6 +124,21 @@ def reset(key: PRNGKeyArray, targets: Targets, lane: Lane) -> Episode:
     return Episode(state=start, target=target, start=start, steps=jnp.int32(0))
 
 
+def reset_all(key: PRNGKeyArray, targets: Targets, lane: Lane) -> Episode:
+    """Begin an episode for each of many workers.
+
+    Args:
+        key: source of randomness.
+        targets: the targets.
+        lane: rows that each worker may draw; fields are [groups, batch].
+
+    Returns:
+        The episodes; fields are [groups, batch].
+    """
+    keys = jax.random.split(key, lane.first.shape)
+    return jax.vmap(jax.vmap(lambda k, row: reset(k, targets, row)))(keys, lane)
+
+
 def step(
     episode: Episode, action: Int32[Array, ""], world: World, targets: Targets, cap: Int32[Array, ""]
 ) -> tuple[Episode, Transition]:

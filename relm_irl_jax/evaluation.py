@@ -227,8 +227,7 @@ def _run(
     """Step all workers until each has finished its one episode; a finished worker stands still."""
     over_workers = lambda function: jax.vmap(jax.vmap(function))  # noqa: E731
     reset_key, step_key = jax.random.split(key)
-    keys = jax.random.split(reset_key, lane.first.shape)
-    first = over_workers(lambda k, row: env.reset(k, targets, row))(keys, lane)
+    first = env.reset_all(reset_key, targets, lane)
 
     def advance(carry):
         episode, success, done, time = carry

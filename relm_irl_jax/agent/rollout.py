@@ -124,8 +124,7 @@ def rollout(
             weighted=(reached * shortest.astype(jnp.float32) / after.steps.astype(jnp.float32)).sum(),
             reward=reward.sum(),
         )
-        keys = jax.random.split(reset_key, action.shape)
-        fresh = over_workers(lambda k, row: env.reset(k, targets, row))(keys, lane)
+        fresh = env.reset_all(reset_key, targets, lane)
         following = jax.tree.map(lambda new, old: jnp.where(done, new, old), fresh, after)
         experience = Experience(
             state=transition.state,

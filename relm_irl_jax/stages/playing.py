@@ -153,8 +153,7 @@ def walk_all(
     lane = scene_lanes(targets, len(scenes), 1)
     reset_key, key = jax.random.split(key)
     each = lambda function: jax.vmap(jax.vmap(function))  # noqa: E731
-    keys = jax.random.split(reset_key, lane.first.shape)
-    first = each(lambda k, row: env.reset(k, targets, row))(keys, lane)
+    first = env.reset_all(reset_key, targets, lane)
 
     @jax.jit
     def advance(episode: Episode, key: jax.Array):

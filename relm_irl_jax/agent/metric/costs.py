@@ -15,7 +15,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float32, Int32
 
-from relm_irl_jax.agent.metric.experience import UNTRIED
+from relm_irl_jax.agent.metric.experience import least_costs
 
 
 @jax.tree_util.register_dataclass
@@ -27,7 +27,7 @@ class Goals:
         state: goals, as local states of their scene; the training targets come first.
         count: number of goals in each scene.
         trained: number of training targets among them.
-        cost: cost of each local state on the way to the goal, in units of the greatest cost of a step.
+        cost: cost of each local state on the way to the goal, in units of the mean one.
     """
 
     state: Int32[Array, "scenes goals"]
@@ -39,7 +39,7 @@ class Goals:
 def costs_to_go(
     successor: Int32[Array, "locals 4"], goal: Int32[Array, "goals"], cost: Float32[Array, "goals locals"]
 ) -> Float32[Array, "locals goals"]:
-    """Least cost from every state to every goal, by value iteration until nothing changes.
+    """Least cost from every state to every goal.
 
     Args:
         successor: local state that each action led to, or `UNTRIED`.
@@ -49,18 +49,5 @@ def costs_to_go(
     Returns:
         C(s, g); infinite where the graph knows no way.
     """
-    known = successor != UNTRIED
-    own = cost.T
-    rows = jnp.arange(own.shape[0])[:, None]
-    first = jnp.where(rows == goal, 0.0, jnp.inf)
-
-    def improve(carry: tuple[Array, Array]) -> tuple[Array, Array]:
-        reach, _ = carry
-        best = jnp.full_like(reach, jnp.inf)
-        for action in range(successor.shape[1]):
-            behind = jnp.where(known[:, action, None], reach[successor[:, action]], jnp.inf)
-            best = jnp.minimum(best, behind)
-        better = jnp.minimum(reach, own + best)
-        return better, (better < reach).any()
-
-    return jax.lax.while_loop(lambda carry: carry[1], improve, (first, jnp.bool_(True)))[0]
+    ends = jnp.arange(cost.shape[1])[:, None] == goal
+    return least_costs(successor, jnp.where(ends, 0.0, jnp.inf), cost.T)

@@ -85,16 +85,37 @@ def steps_to_frontier(graph: ExperienceGraph) -> Float32[Array, "states"]:
     Returns:
         The number for each state; infinite where no such state can be reached.
     """
-    untried = (graph.successor == UNTRIED).any(1)
-    first = jnp.where(untried, 0.0, jnp.inf)
+    untried = (graph.successor == UNTRIED).any(1, keepdims=True)
+    return least_costs(graph.successor, jnp.where(untried, 0.0, jnp.inf), jnp.ones((1, 1)))[:, 0]
 
-    def shorten(carry: tuple[Array, Array]) -> tuple[Array, Array]:
-        steps, _ = carry
-        through = 1.0 + jnp.where(graph.successor == UNTRIED, jnp.inf, steps[graph.successor]).min(1)
-        shorter = jnp.minimum(steps, through)
-        return shorter, (shorter < steps).any()
 
-    return jax.lax.while_loop(lambda carry: carry[1], shorten, (first, jnp.bool_(True)))[0]
+def least_costs(
+    successor: Int32[Array, "states 4"],
+    first: Float32[Array, "states ends"],
+    cost: Float32[Array, "#states #ends"],
+) -> Float32[Array, "states ends"]:
+    """Least cost of a way along tried actions, by value iteration until nothing changes.
+
+    Args:
+        successor: state that each action led to, or `UNTRIED`.
+        first: cost of ending in each state at once; infinite where that is no end.
+        cost: cost of a step from each state, positive.
+
+    Returns:
+        The cost from each state; infinite where no end can be reached.
+    """
+    known = successor != UNTRIED
+
+    def improve(carry: tuple[Array, Array]) -> tuple[Array, Array]:
+        reach, _ = carry
+        best = jnp.full_like(reach, jnp.inf)
+        for action in range(successor.shape[1]):
+            behind = jnp.where(known[:, action, None], reach[successor[:, action]], jnp.inf)
+            best = jnp.minimum(best, behind)
+        better = jnp.minimum(reach, cost + best)
+        return better, (better < reach).any()
+
+    return jax.lax.while_loop(lambda carry: carry[1], improve, (first, jnp.bool_(True)))[0]
 
 
 def exploring_action(

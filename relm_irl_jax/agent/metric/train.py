@@ -89,8 +89,7 @@ def begin(
     """
     key, parameter_key, episode_key = jax.random.split(key, 3)
     parameters = network.init(parameter_key, world.features[:1])
-    keys = jax.random.split(episode_key, lane.first.shape)
-    episode = jax.vmap(jax.vmap(lambda k, row: env.reset(k, targets, row)))(keys, lane)
+    episode = env.reset_all(episode_key, targets, lane)
     state = metric_optimiser(settings, updates).init(parameters)
     return MetricLearner(parameters, state, episode, no_experience(len(world.scene)), key)
 

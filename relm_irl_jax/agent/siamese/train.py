@@ -124,8 +124,7 @@ def begin(
     """
     key, parameter_key, episode_key = jax.random.split(key, 3)
     parameters = draw_parameters(parameter_key, network, world)
-    keys = jax.random.split(episode_key, lane.first.shape)
-    episode = jax.vmap(jax.vmap(lambda k, row: env.reset(k, targets, row)))(keys, lane)
+    episode = env.reset_all(episode_key, targets, lane)
     return Learner(parameters, optimiser_of(settings).init(parameters), episode, key)
 
 
