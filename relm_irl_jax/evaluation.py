@@ -9,10 +9,11 @@ import numpy as np
 from jaxtyping import Array, Bool, Float32, Int32, PRNGKeyArray
 
 from relm_irl_jax import env
+from relm_irl_jax.agent.learning import Parameters
 from relm_irl_jax.agent.metric.network import MetricNetwork, Places, distance, places_of
 from relm_irl_jax.agent.rollout import sample_action
 from relm_irl_jax.agent.settings import MetricSettings
-from relm_irl_jax.agent.siamese.network import FusionTables, Parameters, SiameseActorCritic, forward, tabulate
+from relm_irl_jax.agent.siamese.network import FusionTables, SiameseActorCritic, forward, tabulate
 from relm_irl_jax.env import Lane, scene_lanes
 from relm_irl_jax.scenes.scene import ACTIONS
 from relm_irl_jax.world import Targets, World

@@ -23,7 +23,7 @@ from flax.traverse_util import flatten_dict, unflatten_dict
 from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
-from relm_irl_jax.agent.siamese.network import Parameters
+from relm_irl_jax.agent.learning import Parameters
 from relm_irl_jax.config import Config, config_record, fingerprint, load_config, trained_part
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.files import write_bytes

@@ -15,19 +15,17 @@ Sources: Pitis et al., "An inductive bias for distances" (2020); Wang et al., "O
 learning via quasimetric learning" (2023); Barreto et al., "Successor features" (2017).
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import cast
 
 import flax.linen as nn
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float32
 
+from relm_irl_jax.agent.learning import Parameters
 from relm_irl_jax.agent.settings import MetricSettings
 from relm_irl_jax.scenes.scene import ACTIONS
-
-Parameters = Mapping[str, Mapping[str, Any]]
 
 LEAST_SQUARE = 1e-6
 """Floor of squared distances, where the root's gradient would not exist."""

@@ -10,9 +10,10 @@ import numpy as np
 from jaxtyping import Array, Bool, Float64, Int32, PRNGKeyArray
 
 from relm_irl_jax import env
+from relm_irl_jax.agent.learning import UPDATES_PER_CHUNK, LearningCurve, Parameters, column_of, learning_curve
 from relm_irl_jax.agent.metric.costs import Goals, costs_to_go
 from relm_irl_jax.agent.metric.experience import UNTRIED, ExperienceGraph, coverage, no_experience
-from relm_irl_jax.agent.metric.network import MetricNetwork, Parameters, metric_network
+from relm_irl_jax.agent.metric.network import MetricNetwork, metric_network
 from relm_irl_jax.agent.metric.update import (
     Hindsight,
     Losses,
@@ -28,21 +29,12 @@ from relm_irl_jax.errors import InputError
 from relm_irl_jax.rewards.model import RewardModel
 from relm_irl_jax.world import Targets, World
 
-UPDATES_PER_CHUNK = 8
-"""Updates between two looks at the program: one row of the learning curve, and at most one renewal of costs to go."""
-
 
 @dataclass(frozen=True)
-class MetricCurve:
-    """Progress of the training, one entry a chunk of updates; NaN where no episode ended in a chunk.
+class MetricCurve(LearningCurve):
+    """Progress of the training, one entry a chunk of updates.
 
     Attributes:
-        frames: frames of all workers up to the end of the chunk.
-        episodes: episodes ended in the chunk.
-        success_rate: share of them that reached the target.
-        path_length_error: their mean path length minus shortest path, in actions (Equation 36).
-        spl: their success weighted by path length (Equation 37).
-        reward: mean reward a frame.
         states_met: share of the states that have been met.
         actions_tried: share of all states' actions that have been tried.
         distance_loss: weighted squared error of distances, in squared mean steps.
@@ -50,12 +42,6 @@ class MetricCurve:
         successor_loss: squared distance of successor embeddings from what was met.
     """
 
-    frames: Float64[np.ndarray, "chunks"]
-    episodes: Float64[np.ndarray, "chunks"]
-    success_rate: Float64[np.ndarray, "chunks"]
-    path_length_error: Float64[np.ndarray, "chunks"]
-    spl: Float64[np.ndarray, "chunks"]
-    reward: Float64[np.ndarray, "chunks"]
     states_met: Float64[np.ndarray, "chunks"]
     actions_tried: Float64[np.ndarray, "chunks"]
     distance_loss: Float64[np.ndarray, "chunks"]
@@ -232,7 +218,7 @@ def train_metric(
     learner = begin(key, world, targets, lane, network, settings, chunks * chunk)
     reachable = jnp.asarray(reachable_states(world, targets))
     rows, tried_before = [], 0.0
-    for number in range(chunks):
+    for _ in range(chunks):
         learner, sums, losses = run_chunk(
             learner, setting, network=network, settings=settings, cap=cap, updates=chunks * chunk, chunk=chunk
         )
@@ -243,10 +229,9 @@ def train_metric(
                 raise InputError("metric.symmetric: some step cannot be taken back in these scenes; set it to false.")
             hindsight = look_back(learner.graph, world, goals, state, setting.n_locals)
             setting = replace(setting, hindsight=hindsight)
-        done = (number + 1) * chunk * per_update
-        rows.append((done, chunk * per_update, met, tried, jax.device_get(sums), jax.device_get(losses)))
+        rows.append((met, tried, jax.device_get(sums), jax.device_get(losses)))
         report(chunk * per_update)
-    return learner.parameters, _curve(rows)
+    return learner.parameters, _curve(rows, chunk * per_update)
 
 
 def _check(world: World, targets: Targets, settings: MetricSettings, scenes: int) -> None:
@@ -261,23 +246,14 @@ def _check(world: World, targets: Targets, settings: MetricSettings, scenes: int
         )
 
 
-def _curve(rows: list[tuple[int, int, float, float, EpisodeSums, Losses]]) -> MetricCurve:
-    """Turn sums into means."""
-    frames, since, met, tried = (np.asarray(values, np.float64) for values in list(zip(*rows, strict=True))[:4])
-    column = lambda name: np.asarray([getattr(row[4], name) for row in rows], np.float64)  # noqa: E731
-    loss = lambda name: np.asarray([getattr(row[5], name) for row in rows], np.float64)  # noqa: E731
-    episodes = column("episodes")
-    ended = np.where(episodes > 0, episodes, np.nan)
+def _curve(rows: list[tuple[float, float, EpisodeSums, Losses]], frames: int) -> MetricCurve:
+    """Turn sums over chunks of so many frames into means."""
+    met, tried, sums, losses = zip(*rows, strict=True)
     return MetricCurve(
-        frames=frames,
-        episodes=episodes,
-        success_rate=column("successes") / ended,
-        path_length_error=column("excess") / ended,
-        spl=column("weighted") / ended,
-        reward=column("reward") / since,
-        states_met=met,
-        actions_tried=tried,
-        distance_loss=loss("distance"),
-        choice_loss=loss("choice"),
-        successor_loss=loss("successor"),
+        **vars(learning_curve(sums, frames)),
+        states_met=np.asarray(met, np.float64),
+        actions_tried=np.asarray(tried, np.float64),
+        distance_loss=column_of(losses, "distance"),
+        choice_loss=column_of(losses, "choice"),
+        successor_loss=column_of(losses, "successor"),
     )

@@ -16,6 +16,7 @@ import jax.numpy as jnp
 import optax
 from jaxtyping import Array, Float32, Int32, PRNGKeyArray
 
+from relm_irl_jax.agent.learning import Parameters
 from relm_irl_jax.agent.metric.costs import Goals
 from relm_irl_jax.agent.metric.experience import (
     UNTRIED,
@@ -26,7 +27,6 @@ from relm_irl_jax.agent.metric.experience import (
 )
 from relm_irl_jax.agent.metric.network import (
     MetricNetwork,
-    Parameters,
     Places,
     distance,
     distances,

@@ -17,9 +17,10 @@ import numpy as np
 import optax
 from jaxtyping import Array, Float64, Int32, PRNGKeyArray
 
+from relm_irl_jax.agent.learning import UPDATES_PER_CHUNK, Parameters
 from relm_irl_jax.agent.settings import SiameseSettings
-from relm_irl_jax.agent.siamese.network import Parameters, SiameseActorCritic, forward, tabulate
-from relm_irl_jax.agent.siamese.train import UPDATES_PER_CHUNK, draw_parameters, network_of
+from relm_irl_jax.agent.siamese.network import SiameseActorCritic, forward, tabulate
+from relm_irl_jax.agent.siamese.train import draw_parameters, network_of
 from relm_irl_jax.agent.siamese.update import optimiser_of
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.world import Targets, World

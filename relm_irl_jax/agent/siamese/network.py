@@ -11,19 +11,16 @@ same parameters, so the layers computed while acting serve the gradient too (`ba
 (`__call__`) is the same function, frame by frame.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import cast
 
 import flax.linen as nn
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float32, Int32, Shaped
 
+from relm_irl_jax.agent.learning import Parameters
 from relm_irl_jax.scenes.scene import ACTIONS
-
-Parameters = Mapping[str, Mapping[str, Any]]
-"""The network's parameters θ: nested dictionaries of arrays."""
 
 
 @jax.tree_util.register_dataclass

@@ -1,48 +1,24 @@
 """Training: many updates in one compiled program, with what happened in between as a few numbers."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float64, PRNGKeyArray
+from jaxtyping import PRNGKeyArray
 
 from relm_irl_jax import env
+from relm_irl_jax.agent.learning import UPDATES_PER_CHUNK, LearningCurve, Parameters, learning_curve
 from relm_irl_jax.agent.rollout import EpisodeSums
 from relm_irl_jax.agent.settings import SiameseSettings
 from relm_irl_jax.agent.siamese.devices import over_devices
-from relm_irl_jax.agent.siamese.network import Parameters, SiameseActorCritic
+from relm_irl_jax.agent.siamese.network import SiameseActorCritic
 from relm_irl_jax.agent.siamese.update import Learner, Setting, optimiser_of, update
 from relm_irl_jax.env import Lane
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.rewards.model import RewardModel
 from relm_irl_jax.world import Targets, World
-
-UPDATES_PER_CHUNK = 8
-"""Updates between two looks at the program: one row of the learning curve and one movement of the progress bar."""
-
-
-@dataclass(frozen=True)
-class LearningCurve:
-    """Training performance, one entry a chunk of updates; NaN where no episode ended in a chunk.
-
-    Attributes:
-        frames: frames of all workers up to the end of the chunk.
-        episodes: episodes ended in the chunk.
-        success_rate: share of them that reached the target.
-        path_length_error: their mean path length minus shortest path, in actions (Equation 36).
-        spl: their success weighted by path length (Equation 37).
-        reward: mean reward a frame.
-    """
-
-    frames: Float64[np.ndarray, "chunks"]
-    episodes: Float64[np.ndarray, "chunks"]
-    success_rate: Float64[np.ndarray, "chunks"]
-    path_length_error: Float64[np.ndarray, "chunks"]
-    spl: Float64[np.ndarray, "chunks"]
-    reward: Float64[np.ndarray, "chunks"]
 
 
 def network_of(settings: SiameseSettings, n_heads: int) -> SiameseActorCritic:
@@ -207,21 +183,6 @@ def train(
     while done < n_updates:
         learner, sums = run_chunk(learner, setting, network=network, settings=settings, cap=cap, updates=updates)
         done += updates
-        rows.append((done * per_update, updates * per_update, jax.device_get(sums)))
+        rows.append(jax.device_get(sums))
         report(updates * per_update)
-    return learner.parameters, _curve(rows)
-
-
-def _curve(rows: list[tuple[int, int, EpisodeSums]]) -> LearningCurve:
-    """Turn sums into means."""
-    column = lambda name: np.asarray([getattr(sums, name) for _, _, sums in rows], np.float64)  # noqa: E731
-    episodes = column("episodes")
-    ended = np.where(episodes > 0, episodes, np.nan)
-    return LearningCurve(
-        frames=np.asarray([frames for frames, _, _ in rows], np.float64),
-        episodes=episodes,
-        success_rate=column("successes") / ended,
-        path_length_error=column("excess") / ended,
-        spl=column("weighted") / ended,
-        reward=column("reward") / np.asarray([frames for _, frames, _ in rows], np.float64),
-    )
+    return learner.parameters, learning_curve(rows, updates * per_update)

@@ -13,9 +13,10 @@ import jax.numpy as jnp
 import optax
 from jaxtyping import Array, Bool, Float32, Int32, PRNGKeyArray
 
+from relm_irl_jax.agent.learning import Parameters
 from relm_irl_jax.agent.rollout import Actor, EpisodeSums, Experience, rollout, sample_action
 from relm_irl_jax.agent.settings import SiameseSettings
-from relm_irl_jax.agent.siamese.network import Activations, Parameters, SiameseActorCritic, backward, forward, tabulate
+from relm_irl_jax.agent.siamese.network import Activations, SiameseActorCritic, backward, forward, tabulate
 from relm_irl_jax.env import Episode, Lane
 from relm_irl_jax.rewards.model import RewardModel
 from relm_irl_jax.world import Targets, World
