@@ -20,6 +20,7 @@ from relm_irl_jax.rewards.model import RewardModel
 from relm_irl_jax.runs import RunFolder, save_parameters, write_table
 from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.stages.learning import LearnedRewards
+from relm_irl_jax.stages.recording import ProgressRecord
 from relm_irl_jax.tasks import TaskSplit
 from relm_irl_jax.world import World, build_targets, build_world, scene_offsets
 
@@ -125,9 +126,10 @@ def train_method(
     targets = build_targets(scenes, split.training)
     n_heads = head_numbers(config, scenes, scenes)[1]
     with progress_bar(f"training {method}, seed {seed}", config.frames, "frames") as advance:
+        record = ProgressRecord(advance)
         if method == "bc":
             decisions = cloned_decisions(config, scenes, split, seed, world, n_heads)
-            parameters, curve = clone(key, world, targets, decisions, n_heads, config.siamese, config.frames, advance)
+            parameters, curve = clone(key, world, targets, decisions, n_heads, config.siamese, config.frames, record)
         else:
             reward_model, scale = reward_of(config, method, scenes, split, learned)
             if config.agent == "metric":
@@ -141,7 +143,7 @@ def train_method(
                     config.metric,
                     config.tasks.cap,
                     config.frames,
-                    advance,
+                    record,
                 )
             else:
                 parameters, curve = train(
@@ -154,7 +156,7 @@ def train_method(
                     config.siamese,
                     config.tasks.cap,
                     config.frames,
-                    advance,
+                    record,
                 )
     write_table(folder.curve(method, seed), {f.name: getattr(curve, f.name) for f in dataclasses.fields(curve)})
     save_parameters(folder.agent(method, seed), parameters)

@@ -1,6 +1,5 @@
 """Training of the metric agent: explore and learn in compiled chunks, costs to go renewed as the experience grows."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -10,7 +9,15 @@ import numpy as np
 from jaxtyping import Array, Bool, Float64, Int32, PRNGKeyArray
 
 from relm_irl_jax import env
-from relm_irl_jax.agent.learning import UPDATES_PER_CHUNK, LearningCurve, Parameters, column_of, learning_curve
+from relm_irl_jax.agent.learning import (
+    LearningCurve,
+    Parameters,
+    TrainingRecord,
+    curve_of,
+    cut,
+    learning_row,
+    run_chunks,
+)
 from relm_irl_jax.agent.metric.costs import Goals, costs_to_go
 from relm_irl_jax.agent.metric.experience import UNTRIED, ExperienceGraph, coverage, no_experience
 from relm_irl_jax.agent.metric.network import MetricNetwork, metric_network
@@ -177,7 +184,7 @@ def train_metric(
     settings: MetricSettings,
     cap: int,
     frames: int,
-    report: Callable[[int], None] = lambda frames: None,
+    record: TrainingRecord = TrainingRecord(),  # noqa: B008  it has no state
 ) -> tuple[Parameters, MetricCurve]:
     """Train a metric agent.
 
@@ -190,7 +197,7 @@ def train_metric(
         settings: the agent's settings.
         cap: number of steps after which an episode is truncated.
         frames: frames of all workers together; rounded up to whole chunks of updates.
-        report: called with the number of frames done since its last call.
+        record: where the course of training is left, and found again.
 
     Returns:
         The network's parameters and the course of training.
@@ -203,9 +210,8 @@ def train_metric(
     _check(world, targets, settings, scenes)
     network = metric_network(settings)
     lane = scene_lanes(targets, scenes, settings.workers // scenes)
-    per_update = lane.first.size * settings.t_max
-    chunk = min(UPDATES_PER_CHUNK, -(-frames // per_update))
-    chunks = -(-frames // (per_update * chunk))
+    chunks = cut(frames, lane.first.size * settings.t_max)
+    updates = chunks.count * chunks.updates
     n_locals = np.bincount(np.asarray(world.scene))
     local = np.arange(n_locals.max())
     first = np.cumsum(n_locals) - n_locals
@@ -215,23 +221,34 @@ def train_metric(
         jnp.full((*state.shape, goals.state.shape[1]), jnp.inf, jnp.float32),
     )
     setting = MetricSetting(world, targets, lane, reward_model, goals, state, jnp.asarray(n_locals, jnp.int32), nothing)
-    learner = begin(key, world, targets, lane, network, settings, chunks * chunk)
+    learner = begin(key, world, targets, lane, network, settings, updates)
     reachable = jnp.asarray(reachable_states(world, targets))
-    rows, tried_before = [], 0.0
-    for _ in range(chunks):
+
+    def chunk(state: tuple[MetricLearner, Hindsight, Array], number: int):
+        learner, hindsight, tried_before = state
         learner, sums, losses = run_chunk(
-            learner, setting, network=network, settings=settings, cap=cap, updates=chunks * chunk, chunk=chunk
+            learner,
+            replace(setting, hindsight=hindsight),
+            network=network,
+            settings=settings,
+            cap=cap,
+            updates=updates,
+            chunk=chunks.updates,
         )
-        met, tried = map(float, coverage(learner.graph, reachable))
+        met, tried = coverage(learner.graph, reachable)
         if tried > tried_before:
-            tried_before = tried
             if settings.symmetric and bool(one_way(learner.graph).any()):
                 raise InputError("metric.symmetric: some step cannot be taken back in these scenes; set it to false.")
-            hindsight = look_back(learner.graph, world, goals, state, setting.n_locals)
-            setting = replace(setting, hindsight=hindsight)
-        rows.append((met, tried, jax.device_get(sums), jax.device_get(losses)))
-        report(chunk * per_update)
-    return learner.parameters, _curve(rows, chunk * per_update)
+            hindsight = look_back(learner.graph, world, goals, state=setting.state, n_locals=setting.n_locals)
+        row = learning_row(sums, number, chunks) | {
+            "states_met": float(met),
+            "actions_tried": float(tried),
+            **{f"{name}_loss": float(value) for name, value in vars(jax.device_get(losses)).items()},
+        }
+        return (learner, hindsight, tried), row
+
+    (learner, *_), rows = run_chunks((learner, nothing, jnp.float32(0.0)), chunk, chunks, record)
+    return learner.parameters, curve_of(MetricCurve, rows)
 
 
 def _check(world: World, targets: Targets, settings: MetricSettings, scenes: int) -> None:
@@ -244,16 +261,3 @@ def _check(world: World, targets: Targets, settings: MetricSettings, scenes: int
             f"metric.groups: {settings.groups} equal parts of {settings.dimension} dimensions do not exist; "
             "give a divisor of metric.dimension."
         )
-
-
-def _curve(rows: list[tuple[float, float, EpisodeSums, Losses]], frames: int) -> MetricCurve:
-    """Turn sums over chunks of so many frames into means."""
-    met, tried, sums, losses = zip(*rows, strict=True)
-    return MetricCurve(
-        **vars(learning_curve(sums, frames)),
-        states_met=np.asarray(met, np.float64),
-        actions_tried=np.asarray(tried, np.float64),
-        distance_loss=column_of(losses, "distance"),
-        choice_loss=column_of(losses, "choice"),
-        successor_loss=column_of(losses, "successor"),
-    )

@@ -6,7 +6,6 @@ The network is the actor-critic's, and so are its optimiser and the number of pa
 baseline differs from the other methods by its supervision alone. The value is not trained.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import cast
@@ -17,7 +16,7 @@ import numpy as np
 import optax
 from jaxtyping import Array, Float64, Int32, PRNGKeyArray
 
-from relm_irl_jax.agent.learning import UPDATES_PER_CHUNK, Parameters
+from relm_irl_jax.agent.learning import Parameters, TrainingRecord, curve_of, cut, run_chunks
 from relm_irl_jax.agent.settings import SiameseSettings
 from relm_irl_jax.agent.siamese.network import SiameseActorCritic, forward, tabulate
 from relm_irl_jax.agent.siamese.train import draw_parameters, network_of
@@ -140,7 +139,7 @@ def clone(
     n_heads: int,
     settings: SiameseSettings,
     frames: int,
-    report: Callable[[int], None] = lambda frames: None,
+    record: TrainingRecord = TrainingRecord(),  # noqa: B008  it has no state
 ) -> tuple[Parameters, CloningCurve]:
     """Fit the policy to demonstrations.
 
@@ -152,7 +151,7 @@ def clone(
         n_heads: number of heads.
         settings: the agent's settings; of the loss only the optimiser's are used.
         frames: pairs seen, repetitions counted; rounded up to whole chunks of updates.
-        report: called with the number of pairs seen since its last call.
+        record: where the course of the fit is left, and found again.
 
     Returns:
         The network's parameters and the course of the fit.
@@ -161,22 +160,21 @@ def clone(
     key, parameter_key = jax.random.split(key)
     parameters = draw_parameters(parameter_key, network, world)
     carry = parameters, optimiser_of(settings).init(parameters)
-    per_update = n_heads * (settings.workers // n_heads) * settings.t_max
-    n_updates = -(-frames // per_update)
-    updates = min(UPDATES_PER_CHUNK, n_updates)
-    rows, done = [], 0
-    while done < n_updates:
+    chunks = cut(frames, n_heads * (settings.workers // n_heads) * settings.t_max)
+
+    def chunk(carry: tuple[Parameters, optax.OptState], number: int):
         carry, (loss, accuracy) = _run_chunk(
             carry,
-            jax.random.fold_in(key, done),
+            jax.random.fold_in(key, number * chunks.updates),
             decisions,
             world,
             targets,
             network=network,
             settings=settings,
-            updates=updates,
+            updates=chunks.updates,
         )
-        done += updates
-        rows.append((done * per_update, float(loss), float(accuracy)))
-        report(updates * per_update)
-    return carry[0], CloningCurve(*np.asarray(rows, np.float64).T)
+        seen = float((number + 1) * chunks.frames)
+        return carry, {"frames": seen, "loss": float(loss), "accuracy": float(accuracy)}
+
+    carry, rows = run_chunks(carry, chunk, chunks, record)
+    return carry[0], curve_of(CloningCurve, rows)

@@ -1,6 +1,6 @@
 """Training: many updates in one compiled program, with what happened in between as a few numbers."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 
 import jax
@@ -9,7 +9,15 @@ import numpy as np
 from jaxtyping import PRNGKeyArray
 
 from relm_irl_jax import env
-from relm_irl_jax.agent.learning import UPDATES_PER_CHUNK, LearningCurve, Parameters, learning_curve
+from relm_irl_jax.agent.learning import (
+    LearningCurve,
+    Parameters,
+    TrainingRecord,
+    curve_of,
+    cut,
+    learning_row,
+    run_chunks,
+)
 from relm_irl_jax.agent.rollout import EpisodeSums
 from relm_irl_jax.agent.settings import SiameseSettings
 from relm_irl_jax.agent.siamese.devices import over_devices
@@ -143,7 +151,7 @@ def train(
     settings: SiameseSettings,
     cap: int,
     frames: int,
-    report: Callable[[int], None] = lambda frames: None,
+    record: TrainingRecord = TrainingRecord(),  # noqa: B008  it has no state
     devices: Sequence[jax.Device] | None = None,
 ) -> tuple[Parameters, LearningCurve]:
     """Train an agent.
@@ -158,7 +166,7 @@ def train(
         settings: the agent's settings.
         cap: number of steps after which an episode is truncated, at least `settings.t_max`.
         frames: frames of all workers together; rounded up to whole chunks of updates.
-        report: called with the number of frames done since its last call.
+        record: where the course of training is left, and found again.
         devices: devices that share the workers; all where None.
 
     Returns:
@@ -175,14 +183,11 @@ def train(
     lane = worker_lanes(targets, world, n_heads, settings.workers)
     setting = Setting(world, targets, lane, reward_model, jnp.float32(return_scale))
     learner, setting = over_devices(begin(key, world, targets, lane, network, settings), setting, devices)
-    per_update = lane.first.size * settings.t_max
-    n_updates = -(-frames // per_update)
-    updates = min(UPDATES_PER_CHUNK, n_updates)  # all chunks alike, so that one program serves
-    rows = []
-    done = 0
-    while done < n_updates:
-        learner, sums = run_chunk(learner, setting, network=network, settings=settings, cap=cap, updates=updates)
-        done += updates
-        rows.append(jax.device_get(sums))
-        report(updates * per_update)
-    return learner.parameters, learning_curve(rows, updates * per_update)
+    chunks = cut(frames, lane.first.size * settings.t_max)
+
+    def chunk(learner: Learner, number: int):
+        learner, sums = run_chunk(learner, setting, network=network, settings=settings, cap=cap, updates=chunks.updates)
+        return learner, learning_row(sums, number, chunks)
+
+    learner, rows = run_chunks(learner, chunk, chunks, record)
+    return learner.parameters, curve_of(LearningCurve, rows)
