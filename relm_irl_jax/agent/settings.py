@@ -43,6 +43,12 @@ class MetricSettings:
     hindsight: Literal["none", "strict", "open"] = "strict"
     """Views that the agent sets itself as targets, as far as its method's reward can price the way: only the training
     targets; every view met but those kept for evaluation; or every view met."""
+    imagine: bool = True
+    """Whether ELM-IRL and RELM-IRL, whose rewards are predicted for any pair of views, imagine targets also without
+    hindsight (`none`): every view met but those kept for evaluation. RL and IRL are rewarded for the training targets
+    alone then."""
+    counts: Literal["steps", "costs"] = "steps"
+    """What the distance says of the way that the method's reward prefers: how many steps it has, or what it costs."""
     width: PositiveInt = 512
     """Units of each hidden layer."""
     dimension: PositiveInt = 128

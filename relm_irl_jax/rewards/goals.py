@@ -153,13 +153,16 @@ def _linear_costs(
 
 
 def _goals(states: Sequence[np.ndarray], costs: Sequence[np.ndarray], split: TaskSplit) -> Goals:
-    """Pad goals and costs; the mean cost becomes 1, so that distances count steps whatever the reward's unit."""
+    """Pad goals and costs; each goal's mean cost becomes 1, so that distances to all of them count steps.
+
+    No way becomes better than another by it: the unit of a reward does not matter to its optimal policy, but a space
+    in which one goal lies twice as far from everything as its neighbour does not exist.
+    """
     count = np.asarray([len(own) for own in states])
-    mean = np.concatenate([cost.ravel() for cost in costs]).mean()
     state = np.zeros((len(states), count.max()), np.int32)
     cost = np.ones((len(states), count.max(), max(own.shape[1] for own in costs)), np.float32)
     for number, (own, price) in enumerate(zip(states, costs, strict=True)):
         state[number, : len(own)] = own
-        cost[number, : len(own), : price.shape[1]] = price / mean
+        cost[number, : len(own), : price.shape[1]] = price / price.mean(1, keepdims=True)
     trained = np.bincount([target.scene for target in split.training], minlength=len(states))
     return Goals(jnp.asarray(state), jnp.asarray(count, jnp.int32), jnp.asarray(trained, jnp.int32), jnp.asarray(cost))

@@ -189,6 +189,8 @@ def goals_of(
     assert learned is not None
     if method == "irl":
         return demonstrated_goals(scenes, split, hindsight, learned.records, learned.basis, config.irl)
+    if hindsight == "none" and config.metric.imagine:
+        hindsight = "strict"
     generator = np.random.default_rng([seed, 5])
     return predicted_goals(scenes, split, hindsight, learned.machines[method], learned.basis, config.irl, generator)
 

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.sparse.csgraph import dijkstra
 
-from relm_irl_jax.agent.metric.costs import Goals, costs_to_go
+from relm_irl_jax.agent.metric.costs import Goals, costs_to_go, steps_of_best_ways
 from relm_irl_jax.agent.metric.experience import (
     UNTRIED,
     ExperienceGraph,
@@ -75,6 +75,17 @@ def test_costs_equal_dijkstra_on_a_partly_known_graph(seed):
             if successor[state, action] != state:
                 weights[state, successor[state, action]] = cost[column, state]
         np.testing.assert_allclose(reach[:, column], dijkstra(weights.T, indices=goal), rtol=1e-5)
+    steps = np.asarray(steps_of_best_ways(jnp.asarray(successor), jnp.asarray([3, 7]), jnp.asarray(reach)))
+    for column, goal in enumerate((3, 7)):
+        for state in range(12):
+            at, count = state, 0.0
+            while at != goal and np.isfinite(reach[at, column]):
+                at = min(
+                    (successor[at, action] for action in range(4) if successor[at, action] != UNTRIED),
+                    key=lambda behind: reach[behind, column],
+                )
+                count += 1
+            assert steps[state, column] == (count if at == goal else np.inf)
 
 
 def test_frontier_by_hand():
@@ -129,7 +140,7 @@ def test_the_loss_vanishes_where_places_are_right():
         goals,
         jnp.arange(3)[None],
         jnp.asarray([3]),
-        Hindsight(successor[None], reach[None]),
+        Hindsight(successor[None], reach[None], reach[None]),
     )
     total, parts = hindsight_loss(jax.random.key(0), Places(place, place[successor]), setting, form)
     assert float(total) < 1e-5

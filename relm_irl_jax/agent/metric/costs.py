@@ -7,6 +7,13 @@ For a goal g and a cost c_g(s) > 0 of being anywhere else, the least cost to rea
 and −C is the optimal undiscounted value under the reward r(s) = −c_g(s). With the hand-made reward a step costs as
 much as any other and C counts the steps; a collision costs more, and a shortest way has none. With a learned reward
 c_g(s) = −w·(φ(s) − φ(g)).
+
+The way of least cost has a number of steps, too:
+
+    N(g, g) = 0,   N(s, g) = 1 + N(s'_{a*}, g),   a* = argmin_a C(s'_a, g)
+
+Either can be what the learned distance says. The reward decides on the way in both; steps fit a space of distances
+better, since a cost that depends on the goal differs from the cost of the way back.
 """
 
 from dataclasses import dataclass
@@ -15,7 +22,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float32, Int32
 
-from relm_irl_jax.agent.metric.experience import least_costs
+from relm_irl_jax.agent.metric.experience import UNTRIED, least_costs
 
 
 @jax.tree_util.register_dataclass
@@ -51,3 +58,31 @@ def costs_to_go(
     """
     ends = jnp.arange(cost.shape[1])[:, None] == goal
     return least_costs(successor, jnp.where(ends, 0.0, jnp.inf), cost.T)
+
+
+def steps_of_best_ways(
+    successor: Int32[Array, "locals 4"], goal: Int32[Array, "goals"], reach: Float32[Array, "locals goals"]
+) -> Float32[Array, "locals goals"]:
+    """Number of steps of the way of least cost.
+
+    Args:
+        successor: local state that each action led to, or `UNTRIED`.
+        goal: the goals.
+        reach: C, from `costs_to_go`.
+
+    Returns:
+        N(s, g); infinite where the graph knows no way.
+    """
+    behind = jnp.where((successor == UNTRIED)[..., None], jnp.inf, reach[successor])
+    following = jnp.take_along_axis(successor, behind.argmin(1), axis=1)
+    ends = jnp.arange(len(reach))[:, None] == goal
+    column = jnp.arange(len(goal))
+
+    def improve(carry: tuple[Array, Array]) -> tuple[Array, Array]:
+        steps, _ = carry
+        better = jnp.where(ends, 0.0, jnp.where(jnp.isfinite(reach), 1 + steps[following, column], jnp.inf))
+        return better, (better != steps).any()
+
+    # Every step lowers the cost to go, so that no way runs in a circle.
+    first = jnp.where(ends, 0.0, jnp.inf)
+    return jax.lax.while_loop(lambda carry: carry[1], improve, (first, jnp.bool_(True)))[0]

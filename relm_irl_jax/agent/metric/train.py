@@ -18,7 +18,7 @@ from relm_irl_jax.agent.learning import (
     learning_row,
     run_chunks,
 )
-from relm_irl_jax.agent.metric.costs import Goals, costs_to_go
+from relm_irl_jax.agent.metric.costs import Goals, costs_to_go, steps_of_best_ways
 from relm_irl_jax.agent.metric.experience import UNTRIED, ExperienceGraph, coverage, no_experience
 from relm_irl_jax.agent.metric.network import MetricNetwork, metric_network
 from relm_irl_jax.agent.metric.update import (
@@ -118,13 +118,14 @@ def run_chunk(
     return learner, jax.tree.map(jnp.sum, sums), jax.tree.map(jnp.mean, losses)
 
 
-@jax.jit
+@partial(jax.jit, static_argnames="counts")
 def look_back(
     graph: ExperienceGraph,
     world: World,
     goals: Goals,
     state: Int32[Array, "scenes locals"],
     n_locals: Int32[Array, "scenes"],
+    counts: str,
 ) -> Hindsight:
     """Costs to go on the graph as it is now.
 
@@ -134,6 +135,7 @@ def look_back(
         goals: the goals and what the way to each costs.
         state: world state of each scene's local states, padded.
         n_locals: number of states of each scene.
+        counts: whether distances count `steps` or `costs`. Static.
 
     Returns:
         The costs to go.
@@ -141,7 +143,12 @@ def look_back(
     own = jnp.arange(state.shape[1]) < n_locals[:, None]
     successor = graph.successor[state]
     following = jnp.where((successor != UNTRIED) & own[..., None], world.local[successor], UNTRIED)
-    return Hindsight(following, jax.lax.map(lambda row: costs_to_go(*row), (following, goals.state, goals.cost)))
+    reach = jax.lax.map(lambda row: costs_to_go(*row), (following, goals.state, goals.cost))
+    if counts == "costs":
+        return Hindsight(following, reach, reach)
+    return Hindsight(
+        following, reach, jax.lax.map(lambda row: steps_of_best_ways(*row), (following, goals.state, reach))
+    )
 
 
 def reachable_states(world: World, targets: Targets) -> Bool[np.ndarray, "states"]:
@@ -216,10 +223,8 @@ def train_metric(
     local = np.arange(n_locals.max())
     first = np.cumsum(n_locals) - n_locals
     state = jnp.asarray(first[:, None] + np.where(local < n_locals[:, None], local, 0), jnp.int32)
-    nothing = Hindsight(
-        jnp.full((*state.shape, 4), UNTRIED, jnp.int32),
-        jnp.full((*state.shape, goals.state.shape[1]), jnp.inf, jnp.float32),
-    )
+    nowhere = jnp.full((*state.shape, goals.state.shape[1]), jnp.inf, jnp.float32)
+    nothing = Hindsight(jnp.full((*state.shape, 4), UNTRIED, jnp.int32), nowhere, nowhere)
     setting = MetricSetting(world, targets, lane, reward_model, goals, state, jnp.asarray(n_locals, jnp.int32), nothing)
     learner = begin(key, world, targets, lane, network, settings, updates)
     reachable = jnp.asarray(reachable_states(world, targets))
@@ -239,7 +244,7 @@ def train_metric(
         if tried > tried_before:
             if settings.symmetric and bool(one_way(learner.graph).any()):
                 raise InputError("metric.symmetric: some step cannot be taken back in these scenes; set it to false.")
-            hindsight = look_back(learner.graph, world, goals, state=setting.state, n_locals=setting.n_locals)
+            hindsight = look_back(learner.graph, world, goals, setting.state, setting.n_locals, settings.counts)
         row = learning_row(sums, number, chunks) | {
             "states_met": float(met),
             "actions_tried": float(tried),

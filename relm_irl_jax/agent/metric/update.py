@@ -1,11 +1,12 @@
 """One update of the metric agent: act with every worker, remember the transitions, regress distances on costs to go.
 
-    loss = mean w(s,g) (D(s,g) − C(s,g))² + mean w(s,g) (D(F(s)_a, g) − C(s'_a, g))²       w = 1 / (1 + C(s,g))
+    loss = mean w(s,g) (D(s,g) − N(s,g))² + mean w(s,g) (D(F(s)_a, g) − N(s'_a, g))²       w = 1 / (1 + N(s,g))
          + c_choice · mean KL( best actions ‖ π(· | s, g) )
          + c_successor · mean ‖F(s)_a − ψ(s'_a)‖²
 
-over pairs of states and goals that the experience graph connects, C being the least cost to go on it by the method's
-own reward (`costs`). The best actions are those that lead to the least C; equally good ones share the probability.
+over pairs of states and goals that the experience graph connects. C is the least cost to go on it by the method's own
+reward, N the number of steps of that way, or C itself (`costs`, `metric.counts`). The best actions are those that lead
+to the least C; equally good ones share the probability.
 """
 
 from dataclasses import dataclass
@@ -67,10 +68,12 @@ class Hindsight:
     Attributes:
         following: local state behind each action, or `UNTRIED`.
         reach: C, least cost from each local state to each goal; infinite where the graph knows no way.
+        length: N, what the distance between them is to say: the steps of that way, or its cost.
     """
 
     following: Int32[Array, "scenes locals 4"]
     reach: Float32[Array, "scenes locals goals"]
+    length: Float32[Array, "scenes locals goals"]
 
 
 @jax.tree_util.register_dataclass
@@ -206,13 +209,12 @@ def hindsight_loss(
     trained = jax.random.bernoulli(kind_key, settings.target_share, (scenes, settings.goals))
     among = jnp.where(trained, setting.goals.trained[:, None], setting.goals.count[:, None])
     column = jax.random.randint(goal_key, (scenes, settings.goals), 0, among)
-    reach, following = setting.hindsight.reach, setting.hindsight.following[of_scene, local]
-    wanted = reach[of_scene[..., None], local[:, :, None], column[:, None, :]]
-    behind = jnp.where(
-        following[..., None] == UNTRIED,
-        jnp.inf,
-        reach[of_scene[..., None, None], following[..., None], column[:, None, None, :]],
-    )
+    hindsight, following = setting.hindsight, setting.hindsight.following[of_scene, local]
+    untried = following[..., None] == UNTRIED
+    here = (of_scene[..., None], local[:, :, None], column[:, None, :])
+    beyond = (of_scene[..., None, None], following[..., None], column[:, None, None, :])
+    wanted, wanted_behind = (hindsight.length[here], jnp.where(untried, jnp.inf, hindsight.length[beyond]))
+    behind = jnp.where(untried, jnp.inf, hindsight.reach[beyond])
     goal = setting.state[of_scene, jnp.take_along_axis(setting.goals.state, column, 1)]
     at = jax.tree.map(lambda table: table[setting.state[of_scene, local]], places)
     there = places.here[goal]
@@ -222,7 +224,7 @@ def hindsight_loss(
     weight = 1 / (1 + wanted)
     squared = lambda found, wanted: jnp.where(jnp.isfinite(wanted), found - wanted, 0.0) ** 2  # noqa: E731
     error = (weight * squared(found, wanted)).mean()
-    error_behind = (weight[:, :, None] * squared(found_behind, behind)).mean()
+    error_behind = (weight[:, :, None] * squared(found_behind, wanted_behind)).mean()
 
     best = (behind == behind.min(2, keepdims=True)) & jnp.isfinite(behind)
     share = best / jnp.maximum(best.sum(2, keepdims=True), 1)
