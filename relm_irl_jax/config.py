@@ -44,7 +44,7 @@ class Config:
     """`rooms` for the built-in scenes, or a folder of HDF5 scene files."""
     seeds: PositiveInt = 1
     """Number of seeds: 0, 1, ...; each draws its own targets, demonstrations, networks and episodes."""
-    frames: PositiveInt = 3_000_000
+    frames: PositiveInt = 5_000_000
     """Training frames for each method and seed."""
     run: Path | None = None
     """Run folder; by default one under `runs/`, named after the configuration."""

@@ -6,7 +6,7 @@
 
 over pairs of states and goals that the experience graph connects. C is the least cost to go on it by the method's own
 reward, N the number of steps of that way, or C itself (`costs`, `metric.counts`). The best actions are those that lead
-to the least C; equally good ones share the probability.
+to the least C, or to little more (`metric.tolerance`); they share the probability.
 """
 
 from dataclasses import dataclass
@@ -226,7 +226,7 @@ def hindsight_loss(
     error = (weight * squared(found, wanted)).mean()
     error_behind = (weight[:, :, None] * squared(found_behind, wanted_behind)).mean()
 
-    best = (behind == behind.min(2, keepdims=True)) & jnp.isfinite(behind)
+    best = (behind <= behind.min(2, keepdims=True) + settings.tolerance) & jnp.isfinite(behind)
     share = best / jnp.maximum(best.sum(2, keepdims=True), 1)
     cross = -(share * jax.nn.log_softmax(-settings.sharpness * found_behind, axis=2)).sum(2)
     decided = jnp.isfinite(wanted) & (wanted > 0) & best.any(2)
