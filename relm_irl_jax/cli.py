@@ -1,6 +1,7 @@
 """The command `relm-irl`."""
 
 import sys
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Literal
@@ -120,7 +121,9 @@ def _dispatch(arguments: list[str]) -> None:
     def train(config: Annotated[Config, tyro.conf.arg(name="")] = default) -> None:
         """Train agents and evaluate them on a task.
 
-        `--config FILE` reads other defaults from a TOML file. What the run folder already holds is not trained again.
+        `--config FILE` reads other defaults from a TOML file, `--resume RUN` continues a run with the configuration
+        that its folder holds. What the folder already holds is not trained again, and a training that was cut off goes
+        on from its last checkpoint.
         """
         folder, results = run(config)
         _show(results, folder.path)
@@ -184,13 +187,27 @@ def _check(command: Check) -> None:
 
 
 def _default_config(arguments: list[str]) -> tuple[Config, list[str]]:
-    """Take `--config FILE` out of the arguments and read the defaults that the file sets."""
-    if "--config" not in arguments:
+    """Take `--config FILE` or `--resume RUN` out of a training's arguments and read the defaults that it sets."""
+    if arguments[:1] != ["train"]:
         return Config(), arguments
-    place = arguments.index("--config")
+    file, arguments = _take(arguments, "--config", "file", "a TOML file")
+    run, arguments = _take(arguments, "--resume", "folder", "the folder of a run made by `relm-irl train`")
+    if file and run:
+        raise InputError("--resume: the run brings its own configuration; leave out --config.")
+    if run:
+        folder, config = find_run(Path(run))
+        return replace(config, run=folder.path), arguments
+    return load_config(Path(file)) if file else Config(), arguments
+
+
+def _take(arguments: list[str], option: str, kind: str, remedy: str) -> tuple[str | None, list[str]]:
+    """Take an option and its value out of the arguments."""
+    if option not in arguments:
+        return None, arguments
+    place = arguments.index(option)
     if place + 1 == len(arguments):
-        raise InputError("--config: the file is missing; give a TOML file.")
-    return load_config(Path(arguments[place + 1])), arguments[:place] + arguments[place + 2 :]
+        raise InputError(f"{option}: the {kind} is missing; give {remedy}.")
+    return arguments[place + 1], arguments[:place] + arguments[place + 2 :]
 
 
 def _show(results: dict, folder: Path) -> None:

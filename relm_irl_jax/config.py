@@ -9,7 +9,7 @@ from typing import Any, Literal
 from pydantic import PositiveInt, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
-from relm_irl_jax.agent.settings import MetricSettings, SiameseSettings
+from relm_irl_jax.agent.settings import MetricSettings, RecordSettings, SiameseSettings
 from relm_irl_jax.cluster import ClusterSettings
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.features.encoder import EncoderSettings
@@ -28,7 +28,7 @@ METHODS: tuple[Method, ...] = ("random", "bc", "rl", "irl", "elm-irl", "relm-irl
 PAPER_METHODS: tuple[Method, ...] = ("random", "rl", "irl", "elm-irl", "relm-irl")
 """What `all` means: the methods of the paper."""
 
-NOT_TRAINED = ("task", "methods", "seeds", "run", "evaluation", "cluster")
+NOT_TRAINED = ("task", "methods", "seeds", "run", "evaluation", "cluster", "record")
 """Fields that trained agents do not depend on; the others must agree for a run folder to be continued."""
 
 
@@ -68,6 +68,8 @@ class Config:
     """The metric agent."""
     evaluation: EvaluationSettings = EvaluationSettings()
     """Evaluation."""
+    record: RecordSettings = RecordSettings()
+    """Checkpoints and scalars of trainings that are under way."""
     cluster: ClusterSettings = ClusterSettings()
     """Other processes that share the siamese agent's training."""
 

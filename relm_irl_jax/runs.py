@@ -4,6 +4,8 @@
     machine.json                     where and when it ran, and how long each stage took
     agents/METHOD-seed-S.safetensors network weights
     curves/METHOD-seed-S.csv         the learning curve
+    checkpoints/METHOD-seed-S/       state of a training that is under way (Orbax); gone when it is done
+    tensorboard/METHOD-seed-S/       the learning curve for TensorBoard
     rewards/seed-S/                  basis, demonstrated weights, fitted machines, quality of the rewards
     results-TASK.json, results.json  metrics for each task, and of the task evaluated last
     report.html, report.md, figures/ the same for people
@@ -54,6 +56,14 @@ class RunFolder:
     def curve(self, method: str, seed: int) -> Path:
         """Path of a learning curve."""
         return self.file("curves", f"{method}-seed-{seed}.csv")
+
+    def checkpoints(self, method: str, seed: int) -> Path:
+        """Folder of a training's checkpoints."""
+        return self.path / "checkpoints" / f"{method}-seed-{seed}"
+
+    def scalars(self, method: str, seed: int) -> Path:
+        """Folder of a training's scalars for TensorBoard."""
+        return self.path / "tensorboard" / f"{method}-seed-{seed}"
 
     def rewards(self, seed: int, name: str) -> Path:
         """Path of a file on learned rewards."""

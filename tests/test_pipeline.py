@@ -47,6 +47,8 @@ def test_the_run_leaves_what_it_promises(first, folder):
     for method in ("rl", "irl", "elm-irl", "relm-irl"):
         assert load_parameters(folder / "one" / "agents" / f"{method}-seed-0.safetensors")
         assert float(read_table(folder / "one" / "curves" / f"{method}-seed-0.csv")["frames"][-1]) >= 6000
+        assert list((folder / "one" / "tensorboard" / f"{method}-seed-0").glob("events.*"))
+    assert not (folder / "one" / "checkpoints").exists()
     for name in ("config.json", "machine.json", "report.md", "figures/learning.png", "figures/press.png"):
         assert (folder / "one" / name).stat().st_size > 0
     assert sorted((folder / "one" / "figures").glob("reward-*.png"))
@@ -103,9 +105,7 @@ def test_a_run_is_continued_with_another_method(first, folder, monkeypatch):
     """Behaviour cloning joins, and nothing that was trained is trained again."""
     weights = folder / "one" / "agents" / "rl-seed-0.safetensors"
     before = weights.stat().st_mtime_ns
-    in_process(
-        monkeypatch, folder, "train", "--config", str(EXPERIMENT), "--run", "one", *QUICK, "--methods", "all", "bc"
-    )
+    in_process(monkeypatch, folder, "train", "--resume", "one", "--methods", "all", "bc")
     assert weights.stat().st_mtime_ns == before
     rows = json.loads((folder / "one" / "results.json").read_text())["rows"]
     assert {row["method"] for row in rows} == {"random", "bc", "rl", "irl", "elm-irl", "relm-irl"}
@@ -138,6 +138,10 @@ def test_the_metric_agent_runs_through_the_same_chain(first, folder, monkeypatch
         (("train", "--agent", "metric", "--methods", "bc"), "methods: bc clones the siamese agent's policy"),
         (("evaluate", "empty"), "holds no config.json"),
         (("train", "--config", "absent.toml"), "absent.toml: cannot be read"),
+        (("train", "--resume", "empty"), "holds no config.json"),
+        (("train", "--resume", "one", "--frames", "7"), "one holds agents trained with frames = 6000, not 7"),
+        (("train", "--resume"), "--resume: the folder is missing"),
+        (("train", "--resume", "one", "--config", str(EXPERIMENT)), "the run brings its own configuration"),
     ],
 )
 def test_bad_input_is_one_sentence_and_exit_code_2(first, folder, arguments, sentence, monkeypatch, capsys):

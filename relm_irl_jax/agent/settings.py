@@ -92,3 +92,14 @@ class MetricSettings:
     """Factor of the distances in the policy's logits while training."""
     acting_sharpness: PositiveFloat = 6.0
     """The same in evaluation."""
+
+
+@dataclass(frozen=True)
+class RecordSettings:
+    """What a training leaves behind while it is under way."""
+
+    checkpoint_minutes: NonNegativeFloat = 1.0
+    """Minutes between two checkpoints, from which a training that was cut off goes on; 0 for one after every chunk of
+    updates."""
+    tensorboard: bool = True
+    """Whether the learning curves are written for TensorBoard, too."""

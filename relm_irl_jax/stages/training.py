@@ -20,7 +20,7 @@ from relm_irl_jax.rewards.model import RewardModel
 from relm_irl_jax.runs import RunFolder, save_parameters, write_table
 from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.stages.learning import LearnedRewards
-from relm_irl_jax.stages.recording import ProgressRecord
+from relm_irl_jax.stages.recording import FolderRecord
 from relm_irl_jax.tasks import TaskSplit
 from relm_irl_jax.world import World, build_targets, build_world, scene_offsets
 
@@ -110,6 +110,8 @@ def train_method(
 ) -> None:
     """Train one method and keep its network and the course of its training.
 
+    A training that was cut off goes on from its last checkpoint.
+
     All methods of a seed begin with the same parameters and random numbers, so that they differ by reward alone.
 
     Args:
@@ -125,8 +127,10 @@ def train_method(
     world = world_of(config, scenes, scenes)
     targets = build_targets(scenes, split.training)
     n_heads = head_numbers(config, scenes, scenes)[1]
-    with progress_bar(f"training {method}, seed {seed}", config.frames, "frames") as advance:
-        record = ProgressRecord(advance)
+    with (
+        progress_bar(f"training {method}, seed {seed}", config.frames, "frames") as advance,
+        FolderRecord(folder, config, method, seed, advance) as record,
+    ):
         if method == "bc":
             decisions = cloned_decisions(config, scenes, split, seed, world, n_heads)
             parameters, curve = clone(key, world, targets, decisions, n_heads, config.siamese, config.frames, record)
@@ -158,8 +162,9 @@ def train_method(
                     config.frames,
                     record,
                 )
-    write_table(folder.curve(method, seed), {f.name: getattr(curve, f.name) for f in dataclasses.fields(curve)})
-    save_parameters(folder.agent(method, seed), parameters)
+        write_table(folder.curve(method, seed), {f.name: getattr(curve, f.name) for f in dataclasses.fields(curve)})
+        save_parameters(folder.agent(method, seed), parameters)
+        record.forget()
 
 
 def goals_of(

@@ -9,8 +9,10 @@ import pytest
 from builders import grid_scene
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from interruption import assert_same, cut_off, take_up
 from scipy.sparse.csgraph import dijkstra
 
+from relm_irl_jax.agent.learning import TrainingRecord
 from relm_irl_jax.agent.metric.costs import Goals, costs_to_go, steps_of_best_ways
 from relm_irl_jax.agent.metric.experience import (
     UNTRIED,
@@ -24,6 +26,7 @@ from relm_irl_jax.agent.metric.network import Places, distance, distances, metri
 from relm_irl_jax.agent.metric.train import one_way, train_metric
 from relm_irl_jax.agent.metric.update import Hindsight, MetricSetting, hindsight_loss
 from relm_irl_jax.agent.settings import MetricSettings
+from relm_irl_jax.config import Config
 from relm_irl_jax.env import Lane
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.evaluation import evaluate, metric_policy, metrics
@@ -158,15 +161,33 @@ def room_task():
     return scene, split
 
 
-def test_finds_targets_that_were_never_goals():
+def trained(record):
+    scene, split = room_task()
+    world, targets = build_world([scene], [0]), build_targets([scene], split.training)
+    goals = manual_goals([scene], split, "strict", ManualSettings())
+    reward = manual_reward(ManualSettings())
+    return train_metric(jax.random.key(0), world, targets, reward, goals, SMALL, 50, 50_000, record)
+
+
+@pytest.fixture(scope="module")
+def uninterrupted():
+    return trained(TrainingRecord())
+
+
+def test_a_training_that_was_cut_off_ends_the_same(uninterrupted, tmp_path):
+    """Cut off while there is still something to explore, so that costs to go and experience must be found again."""
+    cut_off(tmp_path, trained)
+    result, moved = take_up(tmp_path, trained, Config())
+    assert moved[0] == 2 * moved[1]
+    assert uninterrupted[1].actions_tried[1] < 1.0
+    assert_same(uninterrupted, result)
+
+
+def test_finds_targets_that_were_never_goals(uninterrupted):
     """Strict: the new targets are met as states alone, and found nearly always, by nearly shortest ways."""
     scene, split = room_task()
     world = build_world([scene], [0])
-    goals = manual_goals([scene], split, "strict", ManualSettings())
-    targets = build_targets([scene], split.training)
-    parameters, curve = train_metric(
-        jax.random.key(0), world, targets, manual_reward(ManualSettings()), goals, SMALL, 50, 50_000
-    )
+    parameters, curve = uninterrupted
     assert curve.actions_tried[-1] == 1.0
     new = build_targets([scene], split.new)
     policy = metric_policy(metric_network(SMALL), parameters, world, new, SMALL)
