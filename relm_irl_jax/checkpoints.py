@@ -4,6 +4,7 @@ Orbax writes them in the background, each whole or not at all, and keeps the las
 the learning curve so far and the configuration. The final network is kept elsewhere, by `relm_irl_jax.runs`.
 """
 
+import logging
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
@@ -11,6 +12,8 @@ from shutil import rmtree
 from typing import Any, Self
 
 import jax
+import jax.numpy as jnp
+import numpy as np
 
 from relm_irl_jax.agent.learning import Row, State
 from relm_irl_jax.config import Config, config_from_record, config_record, trained_part
@@ -105,6 +108,8 @@ class Checkpoints:
 
 def _orbax() -> Any:
     """Orbax, which takes a while to import and is needed by trainings alone."""
+    # It warns where a disk is slow; a training only waits then.
+    logging.getLogger("absl").setLevel(logging.ERROR)
     return import_module("orbax.checkpoint")
 
 
@@ -118,6 +123,10 @@ def _without_keys(state: Any) -> Any:
 
 
 def _with_keys(like: Any, state: Any) -> Any:
-    """Reverse `_without_keys`."""
-    wrap = lambda old, new: jax.random.wrap_key_data(new, impl=jax.random.key_impl(old)) if _is_key(old) else new  # noqa: E731
-    return jax.tree.map(wrap, like, state)
+    """Reverse `_without_keys`. Arrays that were tied to no device are so again: no program is compiled twice."""
+
+    def restored(old: jax.Array, new: jax.Array) -> jax.Array:
+        new = new if old.committed else jnp.asarray(np.asarray(new))
+        return jax.random.wrap_key_data(new, impl=jax.random.key_impl(old)) if _is_key(old) else new
+
+    return jax.tree.map(restored, like, state)

@@ -1,9 +1,11 @@
 """What the host does between two chunks of a training: move the bar, write TensorBoard's scalars, keep checkpoints."""
 
 import math
+import sys
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
+from importlib import import_module
 from pathlib import Path
 from shutil import rmtree
 from typing import Any, Self
@@ -93,13 +95,27 @@ class FolderRecord(TrainingRecord):
 
     def _open_board(self, path: Path, rows: list[Row]) -> Any:
         """A writer that continues a training's scalars behind the rows that are known, or begins them anew."""
-        # Imported here since it takes a while, and only trainings need it.
-        from tensorboardX import SummaryWriter
-
         if not rows:
             rmtree(path, ignore_errors=True)
         behind = int(rows[-1]["frames"]) + 1 if rows else None
         # The suffix tells this attempt's file from an earlier one's that began in the same second.
-        writer = SummaryWriter(str(path), purge_step=behind, flush_secs=FLUSH_SECONDS, filename_suffix=f".{len(rows)}")
+        writer = _summary_writer()(
+            str(path), purge_step=behind, flush_secs=FLUSH_SECONDS, filename_suffix=f".{len(rows)}"
+        )
         self._closing.callback(writer.close)
         return writer
+
+
+def _summary_writer() -> Any:
+    """The class of tensorboardX, which only trainings need.
+
+    Where torch is installed, tensorboardX imports it for seconds, and not for scalars: it is hidden meanwhile.
+    """
+    hidden = "torch" not in sys.modules
+    if hidden:
+        sys.modules["torch"] = None  # pyrefly: ignore  None is how Python marks a module that must not be found
+    try:
+        return import_module("tensorboardX").SummaryWriter
+    finally:
+        if hidden:
+            del sys.modules["torch"]
