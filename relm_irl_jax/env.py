@@ -3,6 +3,8 @@
 The decision process, for one worker:
 
 - *State*: a pose of one scene. Scenes are laid end to end in a `World`, so a state is one integer.
+- *Observation*: the views of the last states, as many as `reset` is asked for; the start's own, repeated, where the
+  episode is younger.
 - *Actions*: the four of `relm_irl_jax.scenes.scene.ACTIONS`; an action that collides leaves the state unchanged.
 - *Episode*: starts at a uniformly drawn state that can reach a uniformly drawn target and differs from it. It is
   *terminated* when the state is the target and *truncated* after `cap` steps; a step that does both terminates.
@@ -12,7 +14,8 @@ The decision process, for one worker:
 the only static part.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -20,6 +23,8 @@ import numpy as np
 from jaxtyping import Array, Bool, Int32, PRNGKeyArray
 
 from relm_irl_jax.world import Targets, World
+
+Tree = TypeVar("Tree")
 
 
 @jax.tree_util.register_dataclass
@@ -46,12 +51,19 @@ class Episode:
         target: row of `Targets`.
         start: state at which the episode began.
         steps: actions taken so far.
+        earlier: states before the current one, the latest first; one less than the views of an observation.
     """
 
     state: Int32[Array, ""]
     target: Int32[Array, ""]
     start: Int32[Array, ""]
     steps: Int32[Array, ""]
+    earlier: Int32[Array, "earlier"] = field(default_factory=lambda: jnp.zeros(0, jnp.int32))
+
+    @property
+    def views(self) -> Int32[Array, "history"]:
+        """States whose views are observed, the latest first."""
+        return jnp.concatenate([self.state[..., None], self.earlier], -1)
 
 
 @jax.tree_util.register_dataclass
@@ -100,7 +112,7 @@ def scene_lanes(targets: Targets, n_scenes: int, episodes: int) -> Lane:
     )
 
 
-def reset(key: PRNGKeyArray, targets: Targets, lane: Lane) -> Episode:
+def reset(key: PRNGKeyArray, targets: Targets, lane: Lane, history: int = 1) -> Episode:
     """Begin an episode at a fresh target and a fresh start.
 
     One uniform number decides both: its product with the number of targets gives the row, what remains behind the
@@ -111,6 +123,7 @@ def reset(key: PRNGKeyArray, targets: Targets, lane: Lane) -> Episode:
         key: source of randomness.
         targets: the targets.
         lane: rows that may be drawn.
+        history: views of an observation. Static.
 
     Returns:
         The episode before its first action.
@@ -121,22 +134,24 @@ def reset(key: PRNGKeyArray, targets: Targets, lane: Lane) -> Episode:
     n_starts = targets.n_starts[target]
     column = ((position - row.astype(jnp.float32)) * n_starts.astype(jnp.float32)).astype(jnp.int32)
     start = targets.start[target, jnp.minimum(column, n_starts - 1)]
-    return Episode(state=start, target=target, start=start, steps=jnp.int32(0))
+    earlier = jnp.full(history - 1, start)
+    return Episode(state=start, target=target, start=start, steps=jnp.int32(0), earlier=earlier)
 
 
-def reset_all(key: PRNGKeyArray, targets: Targets, lane: Lane) -> Episode:
+def reset_all(key: PRNGKeyArray, targets: Targets, lane: Lane, history: int = 1) -> Episode:
     """Begin an episode for each of many workers.
 
     Args:
         key: source of randomness.
         targets: the targets.
         lane: rows that each worker may draw; fields are [groups, batch].
+        history: views of an observation. Static.
 
     Returns:
         The episodes; fields are [groups, batch].
     """
     keys = jax.random.split(key, lane.first.shape)
-    return jax.vmap(jax.vmap(lambda k, row: reset(k, targets, row)))(keys, lane)
+    return jax.vmap(jax.vmap(lambda k, row: reset(k, targets, row, history)))(keys, lane)
 
 
 def step(
@@ -168,7 +183,26 @@ def step(
         truncated=(steps >= cap) & ~terminated,
         collided=next_state == episode.state,
     )
-    return Episode(state=next_state, target=episode.target, start=episode.start, steps=steps), transition
+    earlier = episode.views[:-1]
+    return Episode(next_state, episode.target, episode.start, steps, earlier), transition
+
+
+def select(chosen: Bool[Array, "*batch"], these: Tree, those: Tree) -> Tree:
+    """Take each worker's record from one of two structures.
+
+    Args:
+        chosen: whether to take the first one's.
+        these: a structure whose arrays begin with the workers' axes.
+        those: another one of the same shapes.
+
+    Returns:
+        The records taken.
+    """
+
+    def pick(this: Array, other: Array) -> Array:
+        return jnp.where(chosen.reshape(chosen.shape + (1,) * (this.ndim - chosen.ndim)), this, other)
+
+    return jax.tree.map(pick, these, those)
 
 
 def shortest(episode: Episode, world: World, targets: Targets) -> Int32[Array, ""]:

@@ -1,7 +1,7 @@
 """Evaluation: episodes from random starts, and the paper's three metrics (section 5.4)."""
 
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import jax
 import jax.numpy as jnp
@@ -13,7 +13,7 @@ from relm_irl_jax.agent.learning import Parameters
 from relm_irl_jax.agent.metric.network import MetricNetwork, Places, distance, places_of
 from relm_irl_jax.agent.rollout import sample_action
 from relm_irl_jax.agent.settings import MetricSettings
-from relm_irl_jax.agent.siamese.network import FusionTables, SiameseActorCritic, forward, tabulate
+from relm_irl_jax.agent.siamese.network import SiameseActorCritic, Tables, forward, tabulate
 from relm_irl_jax.env import Lane, scene_lanes
 from relm_irl_jax.scenes.scene import ACTIONS
 from relm_irl_jax.world import Targets, World
@@ -22,10 +22,15 @@ from relm_irl_jax.world import Targets, World
 class Policy(Protocol):
     """What evaluation needs of an agent: a pytree that chooses actions for all workers at once."""
 
+    @property
+    def history(self) -> int:
+        """Number of last states whose views the agent sees."""
+        ...
+
     def __call__(
-        self, key: PRNGKeyArray, state: Int32[Array, "scenes batch"], target: Int32[Array, "scenes batch"]
+        self, key: PRNGKeyArray, views: Int32[Array, "scenes batch history"], target: Int32[Array, "scenes batch"]
     ) -> Int32[Array, "scenes batch"]:
-        """Return one action a worker; row i of the arrays belongs to scene i of the world."""
+        """Return one action a worker; row i of the arrays belongs to scene i of the world, states come latest first."""
         ...
 
 
@@ -34,11 +39,13 @@ class Policy(Protocol):
 class RandomPolicy:
     """The Random baseline: every action with the same probability (section 5.3)."""
 
+    history: ClassVar[int] = 1
+
     def __call__(
-        self, key: PRNGKeyArray, state: Int32[Array, "scenes batch"], target: Int32[Array, "scenes batch"]
+        self, key: PRNGKeyArray, views: Int32[Array, "scenes batch 1"], target: Int32[Array, "scenes batch"]
     ) -> Int32[Array, "scenes batch"]:
         """Return one action a worker."""
-        return jax.random.randint(key, state.shape, 0, len(ACTIONS))
+        return jax.random.randint(key, target.shape, 0, len(ACTIONS))
 
 
 @jax.tree_util.register_dataclass
@@ -48,23 +55,28 @@ class NetworkPolicy:
 
     Attributes:
         parameters: the network's parameters.
-        tables: both halves of the fusion layer for every state and every target.
+        tables: what is computed once for every state and every target.
         head: head that serves each scene.
         network: the network. Static.
         greedy: take the most probable action instead of drawing from the policy. Static.
     """
 
     parameters: Parameters
-    tables: FusionTables
+    tables: Tables
     head: Int32[Array, "scenes"]
     network: SiameseActorCritic = field(metadata={"static": True})
     greedy: bool = field(default=False, metadata={"static": True})
 
+    @property
+    def history(self) -> int:
+        """Number of last states whose views the network sees."""
+        return self.network.history
+
     def __call__(
-        self, key: PRNGKeyArray, state: Int32[Array, "scenes batch"], target: Int32[Array, "scenes batch"]
+        self, key: PRNGKeyArray, views: Int32[Array, "scenes batch history"], target: Int32[Array, "scenes batch"]
     ) -> Int32[Array, "scenes batch"]:
         """Return one action a worker."""
-        logits = forward(self.network, self.parameters, self.tables, state, target, self.head).logits
+        logits = forward(self.network, self.parameters, self.tables, views, target, self.head).logits
         return jnp.argmax(logits, -1).astype(jnp.int32) if self.greedy else sample_action(key, logits)
 
 
@@ -110,11 +122,13 @@ class MetricPolicy:
     settings: MetricSettings = field(metadata={"static": True})
     greedy: bool = field(default=False, metadata={"static": True})
 
+    history: ClassVar[int] = 1
+
     def __call__(
-        self, key: PRNGKeyArray, state: Int32[Array, "scenes batch"], target: Int32[Array, "scenes batch"]
+        self, key: PRNGKeyArray, views: Int32[Array, "scenes batch 1"], target: Int32[Array, "scenes batch"]
     ) -> Int32[Array, "scenes batch"]:
         """Return one action a worker."""
-        steps = distance(self.places.after[state], self.wanted[target][..., None, :], self.settings)
+        steps = distance(self.places.after[views[..., 0]], self.wanted[target][..., None, :], self.settings)
         if self.greedy:
             return jnp.argmin(steps, -1).astype(jnp.int32)
         return sample_action(key, -self.settings.acting_sharpness * steps)
@@ -228,13 +242,13 @@ def _run(
     """Step all workers until each has finished its one episode; a finished worker stands still."""
     over_workers = lambda function: jax.vmap(jax.vmap(function))  # noqa: E731
     reset_key, step_key = jax.random.split(key)
-    first = env.reset_all(reset_key, targets, lane)
+    first = env.reset_all(reset_key, targets, lane, policy.history)
 
     def advance(carry):
         episode, success, done, time = carry
-        action = policy(jax.random.fold_in(step_key, time), episode.state, episode.target)
+        action = policy(jax.random.fold_in(step_key, time), episode.views, episode.target)
         after, transition = over_workers(lambda e, a: env.step(e, a, world, targets, cap))(episode, action)
-        kept = jax.tree.map(lambda old, new: jnp.where(done, old, new), episode, after)
+        kept = env.select(done, episode, after)
         success = jnp.where(done, success, transition.terminated)
         return kept, success, done | transition.terminated | transition.truncated, time + 1
 

@@ -6,8 +6,9 @@
     gymnasium.make_vec("RelmIrl/Navigation-v0", num_envs=64, scene="bathroom-0")
 
 Actions are the four of `relm_irl_jax.scenes.scene.ACTIONS`. An observation holds the current view and the target's, as
-feature vectors or as frames. `info` holds `distance` (actions still needed), `shortest` (actions that would have been
-needed from the start), `steps` and `success`: all that success weighted by path length is made of.
+feature vectors or as frames; with `history` above 1, the last views, the latest first. `info` holds `distance` (actions
+still needed), `shortest` (actions that would have been needed from the start), `steps` and `success`: all that success
+weighted by path length is made of.
 """
 
 from collections.abc import Sequence
@@ -51,13 +52,16 @@ class _Core:
         cap: int,
         obs: Observed,
         reward: RewardModel | None,
+        history: int,
         lanes: int,
     ):
         if obs not in ("features", "frames"):
             raise InputError(f"obs = {obs!r} is refused; give features or frames.")
         if cap < 1:
             raise InputError(f"cap = {cap} is refused; give at least 1 step.")
-        self.obs, self.cap = obs, cap
+        if history < 1:
+            raise InputError(f"history = {history} is refused; give at least 1 view.")
+        self.obs, self.cap, self.history = obs, cap, history
         self.scene = find_scene(scene)
         if self.scene.features is None:
             self.scene = _encoded(self.scene) if obs == "features" else _without_features(self.scene)
@@ -75,7 +79,7 @@ class _Core:
         @jax.jit
         def begin(key):
             keys = jax.random.split(key, self.lane.first.shape)
-            return jax.vmap(lambda k, lane: env.reset(k, self.targets, lane))(keys, self.lane)
+            return jax.vmap(lambda k, lane: env.reset(k, self.targets, lane, self.history))(keys, self.lane)
 
         return begin
 
@@ -89,7 +93,7 @@ class _Core:
                 episode, action
             )
             reward = jax.vmap(lambda t: self.reward(t, self.world, self.targets))(transition)
-            episode = jax.tree.map(lambda fresh, old: jnp.where(over, fresh, old), self.reset(key), after)
+            episode = env.select(over, self.reset(key), after)
             return (
                 episode,
                 jnp.where(over, 0.0, reward),
@@ -106,13 +110,14 @@ class _Core:
         else:
             features = self.scene.encoded
             box = spaces.Box(features.min(), features.max(), features.shape[1:], np.float32)
-        return spaces.Dict({"view": box, "target": box})
+        return spaces.Dict({"view": box if self.history == 1 else batch_space(box, self.history), "target": box})
 
     def observe(self, episode: Episode) -> dict[str, np.ndarray]:
         """Views of the current states and of the targets."""
         pictures = self.scene.views if self.obs == "frames" else self.scene.encoded
         target = self.target_state[np.asarray(episode.target)]
-        return {"view": pictures[np.asarray(episode.state)].copy(), "target": pictures[target].copy()}
+        seen = np.asarray(episode.state if self.history == 1 else episode.views)
+        return {"view": pictures[seen].copy(), "target": pictures[target].copy()}
 
     def information(self, episode: Episode) -> dict[str, np.ndarray]:
         """Distance and what success weighted by path length is made of."""
@@ -142,6 +147,7 @@ class NavigationEnv(gymnasium.Env):
         obs: whether observations are feature vectors or frames.
         reward: a reward model; by default the hand-made one.
         render_mode: `rgb_array` for the current view beside the target's, or None.
+        history: number of last views in an observation.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 4}  # noqa: RUF012
@@ -154,8 +160,9 @@ class NavigationEnv(gymnasium.Env):
         obs: Observed = "features",
         reward: RewardModel | None = None,
         render_mode: str | None = None,
+        history: int = 1,
     ):
-        self._core = _Core(scene, target, cap, obs, reward, lanes=1)
+        self._core = _Core(scene, target, cap, obs, reward, history, lanes=1)
         self.render_mode = render_mode
         self.action_space = spaces.Discrete(len(ACTIONS))
         self.observation_space = self._core.observation_space()
@@ -207,6 +214,7 @@ class NavigationVectorEnv(VectorEnv):
         obs: whether observations are feature vectors or frames.
         reward: a reward model.
         render_mode: `rgb_array`, one picture an agent, or None.
+        history: number of last views in an observation.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 4, "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
@@ -220,8 +228,9 @@ class NavigationVectorEnv(VectorEnv):
         obs: Observed = "features",
         reward: RewardModel | None = None,
         render_mode: str | None = None,
+        history: int = 1,
     ):
-        self._core = _Core(scene, target, cap, obs, reward, num_envs)
+        self._core = _Core(scene, target, cap, obs, reward, history, num_envs)
         self.num_envs, self.render_mode = num_envs, render_mode
         self.single_action_space = spaces.Discrete(len(ACTIONS))
         self.single_observation_space = self._core.observation_space()

@@ -54,6 +54,10 @@ def run(config: Config) -> tuple[RunFolder, dict]:
     join(config.cluster)
     if config.agent == "metric" and "bc" in config.methods:
         raise InputError("methods: bc clones the siamese agent's policy; leave it out, or use --agent siamese.")
+    if config.agent == "siamese" and config.siamese.heads == "scene" and config.task == "III":
+        raise InputError(
+            "siamese.heads: scene leaves the unseen scenes of task III without a head; use room_type or shared."
+        )
     folder = open_run(config)
     stopwatch = Stopwatch()
     with stopwatch("scenes and features"):

@@ -1,6 +1,7 @@
 """The paper's metrics against hand computation, and episodes under policies whose outcome is known."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -37,9 +38,10 @@ class TablePolicy:
     """Takes the action that a table names for target and state."""
 
     action: Array
+    history: ClassVar[int] = 1
 
-    def __call__(self, key, state, target):
-        return self.action[target, state]
+    def __call__(self, key, views, target):
+        return self.action[target, views[..., 0]]
 
 
 def scenes_and_targets():

@@ -31,7 +31,7 @@ def pictured(tmp_path_factory):
 
 @pytest.mark.parametrize("obs", ["features", "frames"])
 def test_the_checker_has_nothing_to_say(room, pictured, obs):
-    options = {"scene": room} if obs == "features" else {"scene": pictured, "render_mode": "rgb_array"}
+    options = {"scene": room, "history": 2} if obs == "features" else {"scene": pictured, "render_mode": "rgb_array"}
     environment = gymnasium.make(NAME, obs=obs, **options)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -76,6 +76,16 @@ def test_one_seed_one_course(room):
         courses.append(np.stack(states))
     np.testing.assert_array_equal(courses[0], courses[1])
     assert len({tuple(np.argmax(x, -1)) for x in courses[0]}) > 5
+
+
+def test_the_last_views_are_observed(room):
+    environment = NavigationEnv(room, target=7, cap=50, history=3)
+    seen = [environment.reset(seed=4)[0]] + [environment.step(1)[0] for _ in range(2)]
+    start, turned, again = (int(np.argmax(observation["view"][0])) for observation in seen)
+    assert len({start, turned, again}) == 3
+    states = [np.argmax(observation["view"], axis=1).tolist() for observation in seen]
+    assert states == [[start] * 3, [turned, start, start], [again, turned, start]]
+    assert seen[0]["target"].shape == (36,)
 
 
 def test_an_agent_that_is_done_begins_again_on_its_next_step(room):

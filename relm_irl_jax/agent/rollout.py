@@ -14,9 +14,11 @@ from relm_irl_jax.rewards.model import RewardModel
 from relm_irl_jax.world import Targets, World
 
 Actor = Callable[
-    [PRNGKeyArray, Int32[Array, "groups batch"], Int32[Array, "groups batch"]], tuple[Int32[Array, "groups batch"], Any]
+    [PRNGKeyArray, Int32[Array, "groups batch history"], Int32[Array, "groups batch"]],
+    tuple[Int32[Array, "groups batch"], Any],
 ]
-"""Maps a key, states and targets of all workers to one action each, and to what learning wants kept beside it."""
+"""Maps a key, last states (the latest first) and targets of all workers to one action each, and to what learning wants
+kept beside it."""
 
 
 @jax.tree_util.register_dataclass
@@ -26,6 +28,7 @@ class Experience:
 
     Attributes:
         state: state before the action.
+        earlier: states before that, the latest first.
         target: row of `Targets`.
         action: action taken.
         reward: reward received.
@@ -36,6 +39,7 @@ class Experience:
     """
 
     state: Int32[Array, "time groups batch"]
+    earlier: Int32[Array, "time groups batch earlier"]
     target: Int32[Array, "time groups batch"]
     action: Int32[Array, "time groups batch"]
     reward: Float32[Array, "time groups batch"]
@@ -43,6 +47,16 @@ class Experience:
     terminated: Bool[Array, "time groups batch"]
     truncated: Bool[Array, "time groups batch"]
     record: Any
+
+    @property
+    def views(self) -> Int32[Array, "time groups batch history"]:
+        """States whose views were observed before the action, the latest first."""
+        return jnp.concatenate([self.state[..., None], self.earlier], -1)
+
+    @property
+    def next_views(self) -> Int32[Array, "time groups batch history"]:
+        """States whose views are observed after the action, the latest first, also where the episode ended."""
+        return jnp.concatenate([self.next_state[..., None], self.views[..., :-1]], -1)
 
 
 @jax.tree_util.register_dataclass
@@ -111,7 +125,7 @@ def rollout(
 
     def advance(episode: Episode, key: PRNGKeyArray) -> tuple[Episode, tuple[Experience, EpisodeSums]]:
         action_key, reset_key = jax.random.split(key)
-        action, record = actor(action_key, episode.state, episode.target)
+        action, record = actor(action_key, episode.views, episode.target)
         after, transition = over_workers(lambda e, a: env.step(e, a, world, targets, cap))(episode, action)
         reward = over_workers(lambda t: reward_model(t, world, targets))(transition)
         done = transition.terminated | transition.truncated
@@ -124,10 +138,10 @@ def rollout(
             weighted=(reached * shortest.astype(jnp.float32) / after.steps.astype(jnp.float32)).sum(),
             reward=reward.sum(),
         )
-        fresh = env.reset_all(reset_key, targets, lane)
-        following = jax.tree.map(lambda new, old: jnp.where(done, new, old), fresh, after)
+        following = env.select(done, env.reset_all(reset_key, targets, lane, episode.views.shape[-1]), after)
         experience = Experience(
             state=transition.state,
+            earlier=episode.earlier,
             target=transition.target,
             action=action,
             reward=reward,

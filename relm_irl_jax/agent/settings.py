@@ -14,8 +14,11 @@ class SiameseSettings:
 
     width: PositiveInt = 512
     """Units of each hidden layer."""
-    heads: Literal["room_type", "shared"] = "room_type"
-    """Which scenes share the last hidden layer, the policy and the value."""
+    history: PositiveInt = 1
+    """Last views that the network sees at once; the paper's is one, the original target-driven agent's four."""
+    heads: Literal["room_type", "shared", "scene"] = "room_type"
+    """Which scenes share the last hidden layer, the policy and the value. `scene` is the original agent's choice, which
+    leaves scenes that were not trained without a head."""
     workers: PositiveInt = 512
     """Workers that step in lockstep, split evenly over the heads. The more there are, the more frames a second, and the
     more frames the hand-made reward needs to discover the farthest targets (5M with 512, 3M with 256)."""
@@ -23,8 +26,14 @@ class SiameseSettings:
     """Steps of each worker per update (the paper's t_max)."""
     discount: Discount = 0.99
     """Discount of the return."""
+    optimizer: Literal["adam", "rmsprop"] = "adam"
+    """`rmsprop` is the original agent's, with decay 0.99, 0.1 inside the root and a mean square that begins at 1, which
+    together are close to gradient descent."""
+    gradient: Literal["mean", "sum"] = "mean"
+    """What an update follows, of the gradients of all workers' steps. The original agent applies each worker's sum over
+    t_max steps by itself: workers that update at once go as far with the `sum`. Adam does not care for the scale."""
     learning_rate: PositiveFloat = 1e-3
-    """Adam's step size."""
+    """Step size."""
     gradient_clip: PositiveFloat = 40.0
     """Greatest global norm of a gradient."""
     value_weight: PositiveFloat = 0.25

@@ -135,8 +135,8 @@ def rates(settings: SiameseSettings, repeats: int) -> list[Rate]:
     workers = setting.lane.first.size
     keys = iter(jax.random.split(jax.random.key(1), 4 * (repeats + 1)))
 
-    def indifferent(key: PRNGKeyArray, state: Array, target: Array) -> tuple[Array, None]:
-        return sample_action(key, jnp.zeros((*state.shape, 4))), None
+    def indifferent(key: PRNGKeyArray, views: Array, target: Array) -> tuple[Array, None]:
+        return sample_action(key, jnp.zeros((*target.shape, 4))), None
 
     @jax.jit
     def environment(key: PRNGKeyArray):
@@ -146,7 +146,7 @@ def rates(settings: SiameseSettings, repeats: int) -> list[Rate]:
     @jax.jit
     def acting(key: PRNGKeyArray, parameters):
         tables = tabulate(network, parameters, setting.world.features, setting.targets.state)
-        at = lambda state, target: forward(network, parameters, tables, state, target, heads)  # noqa: E731
+        at = lambda views, target: forward(network, parameters, tables, views, target, heads)  # noqa: E731
         episode, experience, sums = _roll(key, sampling_actor(at), setting, learner, UPDATES * settings.t_max)
         return episode, experience.reward.sum(), sums
 

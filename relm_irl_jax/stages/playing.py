@@ -153,11 +153,11 @@ def walk_all(
     lane = scene_lanes(targets, len(scenes), 1)
     reset_key, key = jax.random.split(key)
     each = lambda function: jax.vmap(jax.vmap(function))  # noqa: E731
-    first = env.reset_all(reset_key, targets, lane)
+    first = env.reset_all(reset_key, targets, lane, policy.history)
 
     @jax.jit
     def advance(episode: Episode, key: jax.Array):
-        action = policy(key, episode.state, episode.target)
+        action = policy(key, episode.views, episode.target)
         return each(lambda e, a: env.step(e, a, world, targets, jnp.int32(cap))[0])(episode, action)
 
     episode, course = first, [np.asarray(first.state)[:, 0]]

@@ -8,7 +8,7 @@ import numpy as np
 
 from relm_irl_jax.agent.metric.costs import Goals
 from relm_irl_jax.agent.metric.train import train_metric
-from relm_irl_jax.agent.siamese.cloning import Decisions, clone, decisions_of
+from relm_irl_jax.agent.siamese.cloning import Decisions, clone, decisions_of, views_along
 from relm_irl_jax.agent.siamese.train import train
 from relm_irl_jax.config import Config, Method
 from relm_irl_jax.errors import InputError
@@ -31,23 +31,25 @@ def head_numbers(config: Config, scenes: Sequence[Scene], training: Sequence[Sce
     Args:
         config: the configuration.
         scenes: scenes to number.
-        training: training scenes, whose room types own the heads.
+        training: training scenes, which or whose room types own the heads.
 
     Returns:
         The head of each scene, and the number of heads.
 
     Raises:
-        InputError: a scene's room type was never trained.
+        InputError: a scene, or its room type, was never trained.
     """
     if config.siamese.heads == "shared" or config.agent == "metric":
         return [0] * len(scenes), 1
-    room_types = list(dict.fromkeys(scene.room_type for scene in training))
+    owner = (lambda scene: scene.name) if config.siamese.heads == "scene" else (lambda scene: scene.room_type)
+    owners = list(dict.fromkeys(map(owner, training)))
     for scene in scenes:
-        if scene.room_type not in room_types:
+        if owner(scene) not in owners:
             raise InputError(
-                f"{scene.name}: no scene of type {scene.room_type} is trained; use siamese.heads = shared."
+                f"{scene.name}: siamese.heads = {config.siamese.heads} gives {owner(scene)} no head, since it is not "
+                "trained; use siamese.heads = shared."
             )
-    return [room_types.index(scene.room_type) for scene in scenes], len(room_types)
+    return [owners.index(owner(scene)) for scene in scenes], len(owners)
 
 
 def world_of(config: Config, scenes: Sequence[Scene], training: Sequence[Scene]) -> World:
@@ -218,7 +220,11 @@ def cloned_decisions(
     """
     walks = demonstrations_of(scenes, split, config.irl, seed)
     offsets = scene_offsets(scenes)
-    state = [offsets[t.scene] + walk.states[:-1] for t, own in zip(split.training, walks, strict=True) for walk in own]
+    views = [
+        offsets[t.scene] + views_along(walk.states[:-1], config.siamese.history)
+        for t, own in zip(split.training, walks, strict=True)
+        for walk in own
+    ]
     action = [walk.actions for own in walks for walk in own]
     target = [np.full(len(walk.actions), row) for row, own in enumerate(walks) for walk in own]
-    return decisions_of(np.concatenate(state), np.concatenate(target), np.concatenate(action), world, n_heads)
+    return decisions_of(np.concatenate(views), np.concatenate(target), np.concatenate(action), world, n_heads)

@@ -6,7 +6,7 @@ import pytest
 from builders import grid_scene
 
 from relm_irl_jax.agent.settings import SiameseSettings
-from relm_irl_jax.agent.siamese.cloning import clone, decisions_of
+from relm_irl_jax.agent.siamese.cloning import clone, decisions_of, views_along
 from relm_irl_jax.agent.siamese.network import forward, tabulate
 from relm_irl_jax.agent.siamese.train import network_of
 from relm_irl_jax.errors import InputError
@@ -23,27 +23,31 @@ def two_rooms():
     ]
     targets = [Target(0, 3), Target(1, 20)]
     walks = [expert_trajectories(scenes[t.scene], t.state, [(t.state + 9) % 16, (t.state + 2) % 16]) for t in targets]
-    state = np.concatenate([w.states[:-1] + 16 * row for row, own in enumerate(walks) for w in own])
+    views = np.concatenate([views_along(w.states[:-1] + 16 * row, 1) for row, own in enumerate(walks) for w in own])
     target = np.concatenate([np.full(len(w.actions), row) for row, own in enumerate(walks) for w in own])
     action = np.concatenate([w.actions for own in walks for w in own])
-    return build_world(scenes, [0, 1]), build_targets(scenes, targets), state, target, action
+    return build_world(scenes, [0, 1]), build_targets(scenes, targets), views, target, action
+
+
+def test_views_along_a_walk():
+    assert views_along(np.asarray([7, 8, 3]), 3).tolist() == [[7, 7, 7], [8, 7, 7], [3, 8, 7]]
 
 
 def test_decisions_are_sorted_by_head():
-    world, _, state, target, action = two_rooms()
-    decisions = decisions_of(state, target, action, world, 2)
+    world, _, views, target, action = two_rooms()
+    decisions = decisions_of(views, target, action, world, 2)
     for head in range(2):
         own = target == head  # each room has one target here
         count = int(decisions.count[head])
         assert count == own.sum()
-        np.testing.assert_array_equal(decisions.state[head, :count], state[own])
+        np.testing.assert_array_equal(decisions.views[head, :count], views[own])
         np.testing.assert_array_equal(decisions.action[head, :count], action[own])
 
 
 def test_demonstrated_decisions_are_taken_over():
-    world, targets, state, target, action = two_rooms()
+    world, targets, views, target, action = two_rooms()
     settings = SiameseSettings(workers=16, t_max=4, width=32, learning_rate=1e-2)
-    decisions = decisions_of(state, target, action, world, 2)
+    decisions = decisions_of(views, target, action, world, 2)
     parameters, curve = clone(jax.random.key(0), world, targets, decisions, 2, settings, 8_000)
     assert curve.accuracy[-1] == 1.0
     assert curve.loss[-1] < 0.1 < curve.loss[0]
@@ -53,12 +57,12 @@ def test_demonstrated_decisions_are_taken_over():
     for head in range(2):
         own = target == head
         chosen = forward(
-            network, parameters, tables, state[own][None], target[own][None], np.asarray([head])
+            network, parameters, tables, views[own][None], target[own][None], np.asarray([head])
         ).logits.argmax(-1)
         np.testing.assert_array_equal(chosen[0], action[own])
 
 
 def test_a_head_without_demonstrations_is_refused():
-    world, _, state, target, action = two_rooms()
+    world, _, views, target, action = two_rooms()
     with pytest.raises(InputError, match="no demonstration to clone"):
-        decisions_of(state[target == 0], target[target == 0], action[target == 0], world, 2)
+        decisions_of(views[target == 0], target[target == 0], action[target == 0], world, 2)

@@ -38,8 +38,8 @@ def learned(world, targets, reward, settings, frames):
     parameters, _ = train(jax.random.key(0), world, targets, reward, 1.0, 1, settings, 40, frames)
     network = network_of(settings, 1)
     tables = tabulate(network, parameters, world.features, targets.state)
-    states = jnp.arange(len(world.scene))[None]
-    out = forward(network, parameters, tables, states, jnp.zeros_like(states), jnp.zeros(1, jnp.int32))
+    views = jnp.arange(len(world.scene))[None, :, None]
+    out = forward(network, parameters, tables, views, jnp.zeros(views.shape[:2], jnp.int32), jnp.zeros(1, jnp.int32))
     return np.asarray(jax.nn.softmax(out.logits))[0], np.asarray(out.value)[0]
 
 

@@ -11,7 +11,7 @@ from builders import grid_scene
 from relm_irl_jax.agent.rollout import Experience, rollout, sample_action
 from relm_irl_jax.agent.settings import SiameseSettings
 from relm_irl_jax.agent.siamese.network import Activations, SiameseActorCritic, backward, forward, tabulate
-from relm_irl_jax.agent.siamese.train import begin, run_chunk, train, worker_lanes
+from relm_irl_jax.agent.siamese.train import begin, network_of, run_chunk, train, worker_lanes
 from relm_irl_jax.agent.siamese.update import Setting, actor_critic_loss, n_step_returns, values_behind
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.rewards.model import ManualReward
@@ -47,18 +47,21 @@ def room(n_features: int = 12):
     return build_world(scenes, [0, 1]), build_targets(scenes, [Target(0, 3), Target(0, 9), Target(1, 20)])
 
 
-def test_tables_and_recorded_activations_equal_the_plain_network():
+@pytest.mark.parametrize("frames", [None, 12], ids=["tables", "frames alone"])
+@pytest.mark.parametrize("history", [1, 4])
+def test_tables_and_recorded_activations_equal_the_plain_network(history, frames):
     """Outputs and gradients, against every frame through the whole network."""
     world, targets = room()
-    network = SiameseActorCritic(n_heads=2, width=16)
+    network = SiameseActorCritic(n_heads=2, width=16, history=history)
     head = jnp.arange(2)
     state = jnp.asarray([[[1, 5, 5], [17, 20, 39]], [[2, 5, 0], [18, 20, 16]]])
+    views = jnp.stack([state, (state + 1) % 40, state, 39 - state], -1)[..., :history]
     target = jnp.asarray([[[0, 1, 1], [2, 2, 2]], [[0, 1, 0], [2, 2, 2]]])
     wanted = world.features[targets.state[target]]
 
     @jax.jit
     def drawn(key):
-        parameters = network.init(key, world.features[state[0]], wanted[0], head)
+        parameters = network.init(key, world.features[views[0]], wanted[0], head)
         return jax.tree.map(lambda p: p + 0.1 * jax.random.normal(jax.random.key(p.size), p.shape), parameters)
 
     parameters = drawn(jax.random.key(1))
@@ -67,17 +70,18 @@ def test_tables_and_recorded_activations_equal_the_plain_network():
         return jnp.sin(logits).sum() + jnp.cos(value).sum()
 
     def plain(parameters):
-        outputs = [network.apply(parameters, world.features[state[t]], wanted[t], head) for t in range(2)]
+        outputs = [network.apply(parameters, world.features[views[t]], wanted[t], head) for t in range(2)]
         logits, value = (jnp.stack(x) for x in zip(*outputs, strict=True))
         return loss(logits, value), (logits, value)
 
     @jax.jit
     def tabled(parameters):
-        tables, pull_back = jax.vjp(lambda theta: tabulate(network, theta, world.features, targets.state), parameters)
-        recorded = [forward(network, parameters, tables, state[t], target[t], head) for t in range(2)]
+        tabled = lambda theta: tabulate(network, theta, world.features, targets.state, frames)  # noqa: E731
+        tables, pull_back = jax.vjp(tabled, parameters)
+        recorded = [forward(network, parameters, tables, views[t], target[t], head) for t in range(2)]
         recorded = jax.tree.map(lambda *x: jnp.stack(x), *recorded)
         of_outputs = jax.grad(loss, argnums=(0, 1))(recorded.logits, recorded.value)
-        of_heads, of_tables = backward(network, parameters, tables, state, target, head, recorded, *of_outputs)
+        of_heads, of_tables = backward(network, parameters, tables, views, target, head, recorded, *of_outputs)
         return recorded, jax.tree.map(jnp.add, of_heads, pull_back(of_tables)[0])
 
     (_, (logits, value)), gradient = jax.jit(jax.value_and_grad(plain, has_aux=True))(parameters)
@@ -98,14 +102,14 @@ def test_actions_are_drawn_from_the_softmax():
 
 def setting_and_learner(settings):
     world, targets = room()
-    network = SiameseActorCritic(n_heads=2, width=settings.width)
+    network = network_of(settings, 2)
     lane = worker_lanes(targets, world, 2, settings.workers)
     learner = begin(jax.random.key(0), world, targets, lane, network, settings)
     return Setting(world, targets, lane, STEP_COST, jnp.float32(10.0)), learner, network
 
 
-def indifferent(key, state, target):
-    return sample_action(key, jnp.zeros((*state.shape, 4))), None
+def indifferent(key, views, target):
+    return sample_action(key, jnp.zeros((*target.shape, 4))), None
 
 
 def indifferent_rollout(key, setting, learner, cap, length):
@@ -118,7 +122,7 @@ def indifferent_rollout(key, setting, learner, cap, length):
 
 
 def test_rollout_counts_every_episode_and_redraws_start_and_target():
-    settings = SiameseSettings(workers=64, t_max=40, width=8)
+    settings = SiameseSettings(workers=64, t_max=40, width=8, history=3)
     setting, learner, _ = setting_and_learner(settings)
     _, experience, sums = indifferent_rollout(jax.random.key(3), setting, learner, 30, settings.t_max)
     done = np.asarray(experience.terminated | experience.truncated)
@@ -128,6 +132,11 @@ def test_rollout_counts_every_episode_and_redraws_start_and_target():
     goes_on = ~done[:-1]
     assert (state[1:][goes_on] == next_state[:-1][goes_on]).all()
     assert (target[1:][goes_on] == target[:-1][goes_on]).all()
+    views, next_views = np.asarray(experience.views), np.asarray(experience.next_views)
+    assert (views[1:][goes_on] == next_views[:-1][goes_on]).all()
+    assert (next_views[..., 1:] == views[..., :-1]).all()
+    assert (views[1:][~goes_on] == state[1:][~goes_on][:, None]).all()  # a fresh episode has seen its start alone
+    assert (views[0] == state[0][..., None]).all()
     fresh = done[:-1, 0]  # workers of the head with two targets
     assert set(target[1:, 0][fresh]) == {0, 1}
     assert len(set(state[1:, 0][fresh])) > 8
@@ -136,15 +145,16 @@ def test_rollout_counts_every_episode_and_redraws_start_and_target():
 
 
 def test_loss_equals_a_hand_written_loop():
-    """One worker, four steps: truncated at the second, terminated at the third."""
+    """One worker that sees two views, four steps: truncated at the second, terminated at the third."""
     settings = SiameseSettings(discount=0.9, value_weight=0.5, entropy_weight=0.1, t_max=4)
     generator = np.random.default_rng(2)
-    logits, value = generator.normal(size=(10, 4)), generator.normal(size=10)
-    state, next_state = [0, 1, 2, 3], [1, 7, 8, 9]
+    logits, value = generator.normal(size=(10, 4)), generator.normal(size=(10, 10))
+    state, earlier, next_state = [0, 1, 2, 3], [0, 0, 2, 3], [1, 7, 8, 9]
     action, reward = [1, 0, 3, 2], [0.5, -1.0, 2.0, 0.25]
     column = lambda values, dtype: jnp.asarray(values, dtype).reshape(4, 1, 1)  # noqa: E731
     experience = Experience(
         state=column(state, jnp.int32),
+        earlier=column(earlier, jnp.int32)[..., None],
         target=column([0, 0, 0, 0], jnp.int32),
         action=column(action, jnp.int32),
         reward=column(reward, jnp.float32),
@@ -152,24 +162,25 @@ def test_loss_equals_a_hand_written_loop():
         terminated=column([False, False, True, False], bool),
         truncated=column([False, True, False, False], bool),
         record=Activations(
+            current=None,
             fused=jnp.zeros((4, 1, 1, 0)),
             hidden=jnp.zeros((4, 1, 1, 0)),
             logits=jnp.asarray(logits[state], jnp.float32).reshape(4, 1, 1, 4),
-            value=column(value[state], jnp.float32),
+            value=column(value[state, earlier], jnp.float32),
         ),
     )
-    next_value = values_behind(lambda s, t: jnp.asarray(value, jnp.float32)[s], experience)
+    next_value = values_behind(lambda v, t: jnp.asarray(value, jnp.float32)[v[..., 0], v[..., 1]], experience)
     acting = experience.record
     loss = actor_critic_loss(acting.logits, acting.value, next_value, experience, jnp.float32(2.0), settings)
 
-    last = 0.125 + 0.9 * value[9]
+    last = 0.125 + 0.9 * value[9, 3]
     third = 1.0
-    second = -0.5 + 0.9 * value[7]
+    second = -0.5 + 0.9 * value[7, 1]
     first = 0.25 + 0.9 * second
     expected = 0.0
-    for s, a, R in zip(state, action, [first, second, third, last], strict=True):
+    for s, e, a, R in zip(state, earlier, action, [first, second, third, last], strict=True):
         probability = np.exp(logits[s]) / np.exp(logits[s]).sum()
-        delta = R - value[s]
+        delta = R - value[s, e]
         entropy = -(probability * np.log(probability)).sum()
         expected += (-np.log(probability[a]) * delta + 0.5 * delta**2 - 0.1 * entropy) / 4
     assert float(loss) == pytest.approx(expected, rel=1e-5)
@@ -185,10 +196,10 @@ def test_gradient_over_workers_is_the_mean_of_single_workers():
     def gradient(experience):
         def loss(parameters):
             tables = tabulate(network, parameters, world.features, targets.state)
-            at = lambda s, t: forward(network, parameters, tables, s, t, jnp.arange(2))  # noqa: E731
-            acting = jax.vmap(at)(experience.state, experience.target)
+            at = lambda v, t: forward(network, parameters, tables, v, t, jnp.arange(2))  # noqa: E731
+            acting = jax.vmap(at)(experience.views, experience.target)
             seen = dataclasses.replace(experience, record=acting)
-            next_value = values_behind(lambda s, t: at(s, t).value, seen)
+            next_value = values_behind(lambda v, t: at(v, t).value, seen)
             return actor_critic_loss(acting.logits, acting.value, next_value, seen, jnp.float32(10.0), settings)
 
         return jax.grad(loss)(learner.parameters)

@@ -161,7 +161,8 @@ def update(
     places, pull_back = jax.vjp(lambda theta: places_of(network, theta, world.features), learner.parameters)
     to_frontier = steps_to_frontier(learner.graph)
 
-    def act(key: PRNGKeyArray, state: Array, target: Array) -> tuple[Array, None]:
+    def act(key: PRNGKeyArray, views: Array, target: Array) -> tuple[Array, None]:
+        state = views[..., 0]
         explore_key, policy_key = jax.random.split(key)
         exploring, anything_left = exploring_action(explore_key, learner.graph, to_frontier, state)
         steps = distance(places.after[state], places.here[targets.state[target]][..., None, :], settings)

@@ -20,7 +20,7 @@ from relm_irl_jax.agent.learning import Parameters, TrainingRecord, curve_of, cu
 from relm_irl_jax.agent.settings import SiameseSettings
 from relm_irl_jax.agent.siamese.network import SiameseActorCritic, forward, tabulate
 from relm_irl_jax.agent.siamese.train import draw_parameters, network_of
-from relm_irl_jax.agent.siamese.update import optimiser_of
+from relm_irl_jax.agent.siamese.update import optimiser_of, over_steps
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.world import Targets, World
 
@@ -31,13 +31,13 @@ class Decisions:
     """Demonstrated decisions, one row a head; rows are padded at the end.
 
     Attributes:
-        state: states in the world.
+        views: last states in the world, the latest first.
         target: rows of `Targets`.
         action: action demonstrated there.
         count: number of valid entries in each row.
     """
 
-    state: Int32[Array, "heads decisions"]
+    views: Int32[Array, "heads decisions history"]
     target: Int32[Array, "heads decisions"]
     action: Int32[Array, "heads decisions"]
     count: Int32[Array, "heads"]
@@ -58,8 +58,22 @@ class CloningCurve:
     accuracy: Float64[np.ndarray, "chunks"]
 
 
+def views_along(states: Int32[np.ndarray, "steps"], history: int) -> Int32[np.ndarray, "steps history"]:
+    """What is seen along a walk.
+
+    Args:
+        states: the states in which an action was taken.
+        history: number of last views that are seen.
+
+    Returns:
+        At every step the last states, the latest first; the first one, repeated, where the walk is younger.
+    """
+    step = np.arange(len(states))[:, None] - np.arange(history)
+    return np.asarray(states)[np.maximum(step, 0)]
+
+
 def decisions_of(
-    state: Int32[np.ndarray, "decisions"],
+    views: Int32[np.ndarray, "decisions history"],
     target: Int32[np.ndarray, "decisions"],
     action: Int32[np.ndarray, "decisions"],
     world: World,
@@ -68,7 +82,7 @@ def decisions_of(
     """Sort demonstrated decisions by the head that takes them.
 
     Args:
-        state: states in the world.
+        views: last states in the world, the latest first.
         target: rows of `Targets`.
         action: action demonstrated there.
         world: the training scenes.
@@ -80,18 +94,20 @@ def decisions_of(
     Raises:
         InputError: nothing is demonstrated for a head.
     """
-    head = np.asarray(world.head)[state]
+    head = np.asarray(world.head)[views[:, 0]]
     count = np.bincount(head, minlength=n_heads)
     if count.min() == 0:
-        raise InputError("tasks.training_targets: some room type has no demonstration to clone; ask for more targets.")
+        raise InputError(
+            "tasks.training_targets: some head of the network has no demonstration to clone; ask for more targets."
+        )
 
     def rows(values: np.ndarray) -> Array:
-        padded = np.zeros((n_heads, count.max()), np.int32)
+        padded = np.zeros((n_heads, count.max(), *values.shape[1:]), np.int32)
         for number in range(n_heads):
             padded[number, : count[number]] = values[head == number]
         return jnp.asarray(padded)
 
-    return Decisions(rows(state), rows(target), rows(action), jnp.asarray(count, jnp.int32))
+    return Decisions(rows(views), rows(target), rows(action), jnp.asarray(count, jnp.int32))
 
 
 @partial(jax.jit, static_argnames=("network", "settings", "updates"))
@@ -113,19 +129,20 @@ def _run_chunk(
     def update(carry, key):
         parameters, optimiser = carry
         place = jax.random.randint(key, (network.n_heads, share), 0, decisions.count[:, None])
-        state, target, action = (
-            jnp.take_along_axis(x, place, 1) for x in (decisions.state, decisions.target, decisions.action)
+        views, target, action = (
+            x[heads[:, None], place] for x in (decisions.views, decisions.target, decisions.action)
         )
 
         def loss(parameters):
-            tables = tabulate(network, parameters, world.features, targets.state)
-            logits = forward(network, parameters, tables, state, target, heads).logits
+            tables = tabulate(network, parameters, world.features, targets.state, place.size)
+            logits = forward(network, parameters, tables, views, target, heads).logits
             likelihood = jnp.take_along_axis(jax.nn.log_softmax(logits), action[..., None], -1)
-            return -likelihood.mean(), (jnp.argmax(logits, -1) == action).mean()
+            loss = over_steps(-likelihood, settings)
+            return loss, (-likelihood.mean(), (jnp.argmax(logits, -1) == action).mean())
 
-        (value, accuracy), gradient = jax.value_and_grad(loss, has_aux=True)(parameters)
+        (_, measured), gradient = jax.value_and_grad(loss, has_aux=True)(parameters)
         change, optimiser = optimiser_of(settings).update(gradient, optimiser, parameters)
-        return (cast(Parameters, optax.apply_updates(parameters, change)), optimiser), (value, accuracy)
+        return (cast(Parameters, optax.apply_updates(parameters, change)), optimiser), measured
 
     carry, measured = jax.lax.scan(update, carry, jax.random.split(key, updates))
     return carry, jax.tree.map(jnp.mean, measured)

@@ -1,17 +1,20 @@
 """The target-driven actor-critic network (paper, Figure 2; section 5.3's siamese model).
 
-    z(x)   = ReLU(x W + b)                        shared by the current view and the target view
+    z(x)   = ReLU(Σ_j x_j W_j + b)                shared by current and target view; x_0, x_1, … are the last views,
+                                                  the latest first, and for the target its one view repeated
     h      = ReLU(z(s) U + z(g) V + c)            fusion of the concatenation [z(s), z(g)]
-    k      = ReLU(h H_i + d_i)                    layer of head i, one a room type
+    k      = ReLU(h H_i + d_i)                    layer of head i, one a room type or a scene
     logits = k P_i + p_i,   value = k q_i + r_i
 
-Views are few and fixed, so z(·)U and z(·)V are computed once per update as tables over all states and all targets
-(`fusion_tables`); a step then costs one look-up, one addition and the head (`forward`). Acting and learning see the
-same parameters, so the layers computed while acting serve the gradient too (`backward`). The plain formulation
+Views are few and fixed, so what depends on single views is computed once per update as a table over all states
+(`tabulate`): z(·)U where one view is seen, the products (·)W_j where several are; z(·)V over all targets always. A step
+then costs a look-up for each view and the layers behind (`forward`). Where an update computes fewer views than there
+are states, tables would cost more than they save, and every view goes through the shared layer. Acting and learning
+see the same parameters, so the layers computed while acting serve the gradient too (`backward`). The plain formulation
 (`__call__`) is the same function, frame by frame.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import cast
 
 import flax.linen as nn
@@ -25,15 +28,19 @@ from relm_irl_jax.scenes.scene import ACTIONS
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
-class FusionTables:
-    """Both halves of the fusion layer before its non-linearity.
+class Tables:
+    """What is computed once per update. One of the first three is there, and says how views are encoded.
 
     Attributes:
-        state: z(s) U + c for every state of the world.
+        fusion: z(s) U + c for every state, where one view is seen.
+        shared: x W_j for every state and each of the last views.
+        features: encoded views, of which nothing is computed in advance.
         target: z(g) V for every target.
     """
 
-    state: Float32[Array, "states width"]
+    fusion: Float32[Array, "states width"] | None
+    shared: Float32[Array, "history states width"] | None
+    features: Float32[Array, "states feature"] | None
     target: Float32[Array, "targets width"]
 
 
@@ -43,12 +50,14 @@ class Activations:
     """A forward pass, with what its backward pass needs.
 
     Attributes:
+        current: z(s); None where the table is that of the fusion layer.
         fused: fusion layer.
         hidden: layer of the head.
         logits: action logits.
         value: values.
     """
 
+    current: Float32[Array, "*steps groups batch width"] | None
     fused: Float32[Array, "*steps groups batch width"]
     hidden: Float32[Array, "*steps groups batch width"]
     logits: Float32[Array, "*steps groups batch 4"]
@@ -61,10 +70,12 @@ class SiameseActorCritic(nn.Module):
     Attributes:
         n_heads: number of heads.
         width: units of each hidden layer.
+        history: number of last views that are seen.
     """
 
     n_heads: int
     width: int = 512
+    history: int = 1
 
     def setup(self) -> None:
         """Declare the layers."""
@@ -82,20 +93,67 @@ class SiameseActorCritic(nn.Module):
         self.value_kernel = self.param("value_kernel", stacked, (self.n_heads, self.width, 1))
         self.value_bias = self.param("value_bias", zeros, (self.n_heads, 1, 1))
 
-    def fusion_tables(
-        self, features: Float32[Array, "states feature"], target_state: Int32[Array, "targets"]
-    ) -> FusionTables:
-        """Tabulate the shared layer and both halves of the fusion layer.
+    def tables(
+        self, features: Float32[Array, "states feature"], target_state: Int32[Array, "targets"], every_state: bool
+    ) -> Tables:
+        """Tabulate the shared layer and both halves of the fusion layer, as far as they depend on single views.
 
         Args:
             features: encoded view of every state.
             target_state: state of every target.
+            every_state: whether to compute anything but the targets in advance. Static.
 
         Returns:
             The tables.
         """
-        shared = nn.relu(self.shared(features))
-        return FusionTables(self.fusion_state(shared), self.fusion_target(shared[target_state]))
+        if every_state and self.history == 1:
+            encoded = nn.relu(self.shared(features))
+            return Tables(self.fusion_state(encoded), None, None, self.fusion_target(encoded[target_state]))
+        target = self.fusion_target(self.still(features[target_state]))
+        if not every_state:
+            return Tables(None, None, features, target)
+        kernel = self.shared.variables["params"]["kernel"].reshape(self.history, -1, self.width)
+        return Tables(None, jnp.einsum("sf,hfw->hsw", features, kernel), None, target)
+
+    def still(self, view: Float32[Array, "*batch feature"]) -> Float32[Array, "*batch width"]:
+        """Encode a view that was all there was to see.
+
+        Args:
+            view: encoded views.
+
+        Returns:
+            z.
+        """
+        return nn.relu(self.shared(jnp.tile(view, self.history)))
+
+    def shared_layer(
+        self, tables: Tables, views: Int32[Array, "groups batch history"]
+    ) -> Float32[Array, "groups batch width"]:
+        """Shared layer before its non-linearity, from tables that leave it to be computed.
+
+        Args:
+            tables: products with its weights, or the features.
+            views: last states, the latest first.
+
+        Returns:
+            The pre-activations.
+        """
+        if tables.shared is not None:
+            bias = self.shared.variables["params"]["bias"]
+            return sum((tables.shared[j][views[..., j]] for j in range(self.history)), bias)
+        assert tables.features is not None
+        return self.shared(tables.features[views].reshape(*views.shape[:-1], -1))
+
+    def fusion_half(self, current: Float32[Array, "groups batch width"]) -> Float32[Array, "groups batch width"]:
+        """The current view's half of the fusion layer, z(s) U + c.
+
+        Args:
+            current: z(s).
+
+        Returns:
+            The half, before the non-linearity.
+        """
+        return self.fusion_state(current)
 
     def head_layer(
         self, fused: Float32[Array, "groups batch width"], head: Int32[Array, "groups"]
@@ -129,22 +187,22 @@ class SiameseActorCritic(nn.Module):
 
     def __call__(
         self,
-        view: Float32[Array, "groups batch feature"],
+        view: Float32[Array, "groups batch history feature"],
         target: Float32[Array, "groups batch feature"],
         head: Int32[Array, "groups"],
     ) -> tuple[Float32[Array, "groups batch 4"], Float32[Array, "groups batch"]]:
         """Policy and value, every frame through the whole network.
 
         Args:
-            view: encoded current views.
+            view: encoded last views, the latest first.
             target: encoded target views.
             head: head that serves each group.
 
         Returns:
             Action logits and values.
         """
-        current, wanted = nn.relu(self.shared(view)), nn.relu(self.shared(target))
-        fused = nn.relu(self.fusion_state(current) + self.fusion_target(wanted))
+        current = nn.relu(self.shared(view.reshape(*target.shape[:-1], -1)))
+        fused = nn.relu(self.fusion_state(current) + self.fusion_target(self.still(target)))
         return self.readout(nn.relu(self.head_layer(fused, head)), head)
 
 
@@ -153,59 +211,67 @@ def tabulate(
     parameters: Parameters,
     features: Float32[Array, "states feature"],
     target_state: Int32[Array, "targets"],
-) -> FusionTables:
-    """Apply `SiameseActorCritic.fusion_tables`.
+    frames: int | None = None,
+) -> Tables:
+    """Apply `SiameseActorCritic.tables` where they cost less than encoding the views of all frames.
 
     Args:
         network: the network. Static.
         parameters: θ.
         features: encoded view of every state.
         target_state: state of every target.
+        frames: frames for which these parameters serve; None for any number. Static.
 
     Returns:
-        The tables.
+        The tables, which cover all states if these are no more than the frames.
     """
-    return cast(FusionTables, network.apply(parameters, features, target_state, method="fusion_tables"))
+    every_state = frames is None or len(features) <= frames
+    return cast(Tables, network.apply(parameters, features, target_state, every_state, method="tables"))
 
 
 def forward(
     network: SiameseActorCritic,
     parameters: Parameters,
-    tables: FusionTables,
-    state: Int32[Array, "groups batch"],
+    tables: Tables,
+    views: Int32[Array, "groups batch history"],
     target: Int32[Array, "groups batch"],
     head: Int32[Array, "groups"],
 ) -> Activations:
-    """Look up the tables and compute the heads.
+    """Look up the tables and compute the layers behind them.
 
     Args:
         network: the network. Static.
         parameters: θ.
-        tables: both halves of the fusion layer.
-        state: states in the world.
+        tables: what was computed in advance.
+        views: last states in the world, the latest first.
         target: rows of the targets.
         head: head that serves each group.
 
     Returns:
         Policy, value and the layers below.
     """
-    fused = nn.relu(tables.state[state] + tables.target[target])
+    if tables.fusion is not None:
+        current, half = None, tables.fusion[views[..., 0]]
+    else:
+        current = nn.relu(cast(Array, network.apply(parameters, tables, views, method="shared_layer")))
+        half = cast(Array, network.apply(parameters, current, method="fusion_half"))
+    fused = nn.relu(half + tables.target[target])
     hidden = nn.relu(cast(Array, network.apply(parameters, fused, head, method="head_layer")))
     logits, value = cast(tuple[Array, Array], network.apply(parameters, hidden, head, method="readout"))
-    return Activations(fused, hidden, logits, value)
+    return Activations(current, fused, hidden, logits, value)
 
 
 def backward(
     network: SiameseActorCritic,
     parameters: Parameters,
-    tables: FusionTables,
-    state: Int32[Array, "time groups batch"],
+    tables: Tables,
+    views: Int32[Array, "time groups batch history"],
     target: Int32[Array, "time groups batch"],
     head: Int32[Array, "groups"],
     activations: Activations,
     of_logits: Float32[Array, "time groups batch 4"],
     of_value: Float32[Array, "time groups batch"],
-) -> tuple[Parameters, FusionTables]:
+) -> tuple[Parameters, Tables]:
     """Gradient of a loss from its gradient in logits and values, without computing the forward pass again.
 
     The products that `jax.vjp` evaluates along the way have no reader, and the compiler drops them.
@@ -213,11 +279,11 @@ def backward(
     Args:
         network: the network. Static.
         parameters: θ.
-        tables: both halves of the fusion layer.
-        state: states in the world.
+        tables: what was computed in advance.
+        views: last states in the world, the latest first.
         target: rows of the targets.
         head: head that serves each group.
-        activations: forward passes at these states and targets.
+        activations: forward passes at these views and targets.
         of_logits: gradient of the loss in the logits.
         of_value: gradient of the loss in the values.
 
@@ -225,23 +291,28 @@ def backward(
         Gradient in θ but through the tables, and gradient in the tables.
     """
 
-    def pull(method: str, layer: Array, gradient: Array | tuple[Array, Array]) -> tuple[Parameters, Array]:
+    def pull(
+        method: str, layer: Array, gradient: Array | tuple[Array, Array], *rest: Array
+    ) -> tuple[Parameters, Array]:
         """Gradient in θ and in the layer, of which nothing passes where it is cut off at zero."""
-        apply = lambda parameters, layer: network.apply(parameters, layer, head, method=method)  # noqa: E731
+        apply = lambda parameters, layer: network.apply(parameters, layer, *rest, method=method)  # noqa: E731
         _, transposed = jax.vjp(apply, parameters, layer)
         of_parameters, of_layer = transposed(gradient)
         return of_parameters, jnp.where(layer > 0, of_layer, 0)
 
-    fused, hidden, of_logits, of_value, state, target = (
-        by_group(x) for x in (activations.fused, activations.hidden, of_logits, of_value, state, target)
-    )
-    of_readout, of_hidden = pull("readout", hidden, (of_logits, of_value))
-    of_layer, of_fused = pull("head_layer", fused, of_hidden)
-    of_tables = FusionTables(
-        state=jnp.zeros_like(tables.state).at[state].add(of_fused),
-        target=jnp.zeros_like(tables.target).at[target].add(of_fused),
-    )
-    return jax.tree.map(jnp.add, of_readout, of_layer), of_tables
+    seen, of_logits, of_value, views, target = jax.tree.map(by_group, (activations, of_logits, of_value, views, target))
+    of_readout, of_hidden = pull("readout", seen.hidden, (of_logits, of_value), head)
+    of_layer, of_fused = pull("head_layer", seen.fused, of_hidden, head)
+    gradient = jax.tree.map(jnp.add, of_readout, of_layer)
+    of_target = jnp.zeros_like(tables.target).at[target].add(of_fused)
+    if tables.fusion is not None:
+        return gradient, Tables(jnp.zeros_like(tables.fusion).at[views[..., 0]].add(of_fused), None, None, of_target)
+    of_half, of_current = pull("fusion_half", seen.current, of_fused)
+    encode = lambda parameters, tables: network.apply(parameters, tables, views, method="shared_layer")  # noqa: E731
+    _, transposed = jax.vjp(encode, parameters, tables)
+    of_shared, of_tables = transposed(of_current)
+    gradient = jax.tree.map(lambda *parts: sum(parts), gradient, of_half, of_shared)
+    return gradient, replace(of_tables, target=of_target)
 
 
 def by_group(x: Shaped[Array, "time groups batch *rest"]) -> Shaped[Array, "groups time*batch *rest"]:

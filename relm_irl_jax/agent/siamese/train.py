@@ -39,7 +39,7 @@ def network_of(settings: SiameseSettings, n_heads: int) -> SiameseActorCritic:
     Returns:
         The network without parameters.
     """
-    return SiameseActorCritic(n_heads=n_heads, width=settings.width)
+    return SiameseActorCritic(n_heads=n_heads, width=settings.width, history=settings.history)
 
 
 def worker_lanes(targets: Targets, world: World, n_heads: int, workers: int) -> Lane:
@@ -61,7 +61,7 @@ def worker_lanes(targets: Targets, world: World, n_heads: int, workers: int) -> 
     first = np.asarray([np.searchsorted(head, number) for number in range(n_heads)])
     count = np.bincount(head, minlength=n_heads)
     if count.min() == 0:
-        raise InputError("tasks.training_targets: some room type has no training target; ask for more.")
+        raise InputError("tasks.training_targets: some head of the network has no training target; ask for more.")
     if workers < n_heads:
         raise InputError(f"siamese.workers: {workers} workers cannot serve {n_heads} heads; ask for more.")
     share = (n_heads, workers // n_heads)
@@ -80,8 +80,9 @@ def draw_parameters(key: PRNGKeyArray, network: SiameseActorCritic, world: World
     Returns:
         The parameters.
     """
-    one = jnp.zeros((network.n_heads, 1, world.features.shape[1]), jnp.float32)
-    return jax.jit(network.init)(key, one, one, jnp.arange(network.n_heads))
+    target = jnp.zeros((network.n_heads, 1, world.features.shape[1]), jnp.float32)
+    view = jnp.repeat(target[:, :, None], network.history, 2)
+    return jax.jit(network.init)(key, view, target, jnp.arange(network.n_heads))
 
 
 @partial(jax.jit, static_argnames=("network", "settings"))
@@ -108,7 +109,7 @@ def begin(
     """
     key, parameter_key, episode_key = jax.random.split(key, 3)
     parameters = draw_parameters(parameter_key, network, world)
-    episode = env.reset_all(episode_key, targets, lane)
+    episode = env.reset_all(episode_key, targets, lane, network.history)
     return Learner(parameters, optimiser_of(settings).init(parameters), episode, key)
 
 

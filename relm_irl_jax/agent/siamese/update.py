@@ -1,7 +1,9 @@
 """Learning: the n-step advantage actor-critic loss (paper, Equations 18-22 and Algorithm 1) and one update of it.
 
-All workers act from the same parameters θ and their gradients are averaged into one update: the synchronous limit
-of A3C, in which no worker's gradient is stale.
+All workers act from the same parameters θ and their gradients make one update: the synchronous limit of A3C, in which
+no worker's gradient is stale. Where A3C's workers apply theirs one after the other, θ moves by the sum of them. Adam
+moves as far by their mean, which does not depend on the number of workers and is the default; the original agent's
+RMSProp (`optimiser_of`) is close to gradient descent and needs the sum.
 """
 
 from collections.abc import Callable
@@ -61,7 +63,9 @@ class Setting:
 
 
 def optimiser_of(settings: SiameseSettings) -> optax.GradientTransformation:
-    """The optimiser: gradients clipped by their global norm, then Adam.
+    """The optimiser: gradients clipped by their global norm, then Adam, or the original agent's RMSProp:
+
+        ν ← 0.99 ν + 0.01 g²,   θ ← θ − η g / √(ν + 0.1),   ν = 1 at first
 
     Args:
         settings: the agent's settings.
@@ -69,7 +73,11 @@ def optimiser_of(settings: SiameseSettings) -> optax.GradientTransformation:
     Returns:
         The gradient transformation.
     """
-    return optax.chain(optax.clip_by_global_norm(settings.gradient_clip), optax.adam(settings.learning_rate))
+    if settings.optimizer == "adam":
+        step = optax.adam(settings.learning_rate)
+    else:
+        step = optax.rmsprop(settings.learning_rate, decay=0.99, eps=0.1, initial_scale=1.0, eps_in_sqrt=True)
+    return optax.chain(optax.clip_by_global_norm(settings.gradient_clip), step)
 
 
 def n_step_returns(
@@ -126,8 +134,11 @@ def update(
     key, rollout_key = jax.random.split(learner.key)
     world, targets, parameters = setting.world, setting.targets, learner.parameters
     heads = jnp.arange(network.n_heads)
-    tables, pull_back = jax.vjp(lambda theta: tabulate(network, theta, world.features, targets.state), parameters)
-    at = lambda state, target: forward(network, parameters, tables, state, target, heads)  # noqa: E731
+    frames = setting.lane.first.size * settings.t_max
+    tables, pull_back = jax.vjp(
+        lambda theta: tabulate(network, theta, world.features, targets.state, frames), parameters
+    )
+    at = lambda views, target: forward(network, parameters, tables, views, target, heads)  # noqa: E731
     episode, experience, sums = rollout(
         rollout_key,
         sampling_actor(at),
@@ -139,7 +150,7 @@ def update(
         jnp.int32(cap),
         settings.t_max,
     )
-    next_value = values_behind(lambda state, target: at(state, target).value, experience)
+    next_value = values_behind(lambda views, target: at(views, target).value, experience)
     of_outputs = jax.grad(actor_critic_loss, argnums=(0, 1))(
         experience.record.logits,
         experience.record.value,
@@ -152,7 +163,7 @@ def update(
         network,
         parameters,
         tables,
-        experience.state,
+        experience.views,
         experience.target,
         heads,
         experience.record,
@@ -164,26 +175,28 @@ def update(
 
 
 def sampling_actor(
-    network: Callable[[Int32[Array, "groups batch"], Int32[Array, "groups batch"]], Activations],
+    network: Callable[[Int32[Array, "groups batch history"], Int32[Array, "groups batch"]], Activations],
 ) -> Actor:
     """Act by drawing from the policy, and keep the forward pass for learning.
 
     Args:
-        network: the forward pass for states and targets of all workers.
+        network: the forward pass for last states and targets of all workers.
 
     Returns:
         The actor.
     """
 
-    def act(key: PRNGKeyArray, state: Array, target: Array) -> tuple[Array, Activations]:
-        activations = network(state, target)
+    def act(key: PRNGKeyArray, views: Array, target: Array) -> tuple[Array, Activations]:
+        activations = network(views, target)
         return sample_action(key, activations.logits), activations
 
     return act
 
 
 def values_behind(
-    value: Callable[[Int32[Array, "groups batch"], Int32[Array, "groups batch"]], Float32[Array, "groups batch"]],
+    value: Callable[
+        [Int32[Array, "groups batch history"], Int32[Array, "groups batch"]], Float32[Array, "groups batch"]
+    ],
     experience: Experience,
 ) -> Float32[Array, "time groups batch"]:
     """Value of the state after each step, before any reset.
@@ -192,17 +205,18 @@ def values_behind(
     computed here. Since the cap is not below t_max, a worker is truncated at most once in a rollout.
 
     Args:
-        value: maps states and targets to values.
+        value: maps last states and targets to values.
         experience: the steps.
 
     Returns:
         The values; behind a step that reached the target, any number.
     """
     cut = jnp.argmax(experience.truncated, axis=0)[None]
+    next_views = experience.next_views
     behind_cut = value(
-        jnp.take_along_axis(experience.next_state, cut, 0)[0], jnp.take_along_axis(experience.target, cut, 0)[0]
+        jnp.take_along_axis(next_views, cut[..., None], 0)[0], jnp.take_along_axis(experience.target, cut, 0)[0]
     )
-    behind_last = value(experience.next_state[-1], experience.target[-1])
+    behind_last = value(next_views[-1], experience.target[-1])
     following = jnp.where(experience.truncated[:-1], behind_cut, experience.record.value[1:])
     return jnp.concatenate([following, behind_last[None]])
 
@@ -215,12 +229,12 @@ def actor_critic_loss(
     return_scale: Float32[Array, ""],
     settings: SiameseSettings,
 ) -> Float32[Array, ""]:
-    """Policy-gradient loss, value error and entropy, averaged over steps and workers (Equations 20-22).
+    """Policy-gradient loss, value error and entropy over steps and workers (Equations 20-22).
 
         δ_t = R_t − V(s_t),   R_t from rewards divided by the return scale
         loss = mean( −log π(a_t|s_t) δ_t + c_v δ_t² − c_e H(π(·|s_t)) )
 
-    with δ_t held fixed in the first term and R_t in both.
+    with δ_t held fixed in the first term and R_t in both; the sum instead of the mean where the settings say so.
 
     Args:
         logits: action logits at each step.
@@ -244,6 +258,20 @@ def actor_critic_loss(
     log_policy = jax.nn.log_softmax(logits)
     chosen = jnp.take_along_axis(log_policy, experience.action[..., None], -1)[..., 0]
     entropy = -(jnp.exp(log_policy) * log_policy).sum(-1)
-    return (
-        -chosen * jax.lax.stop_gradient(delta) + settings.value_weight * delta**2 - settings.entropy_weight * entropy
-    ).mean()
+    return over_steps(
+        -chosen * jax.lax.stop_gradient(delta) + settings.value_weight * delta**2 - settings.entropy_weight * entropy,
+        settings,
+    )
+
+
+def over_steps(loss: Float32[Array, "*steps"], settings: SiameseSettings) -> Float32[Array, ""]:
+    """The loss of an update from those of its steps.
+
+    Args:
+        loss: of each step of each worker.
+        settings: the agent's settings.
+
+    Returns:
+        Mean or sum.
+    """
+    return loss.mean() if settings.gradient == "mean" else loss.sum()
