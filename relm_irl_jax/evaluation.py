@@ -1,7 +1,7 @@
 """Evaluation: episodes from random starts, and the paper's three metrics (section 5.4)."""
 
 from dataclasses import dataclass, field
-from typing import ClassVar, Protocol
+from typing import Protocol
 
 import jax
 import jax.numpy as jnp
@@ -39,7 +39,10 @@ class Policy(Protocol):
 class RandomPolicy:
     """The Random baseline: every action with the same probability (section 5.3)."""
 
-    history: ClassVar[int] = 1
+    @property
+    def history(self) -> int:
+        """One view."""
+        return 1
 
     def __call__(
         self, key: PRNGKeyArray, views: Int32[Array, "scenes batch 1"], target: Int32[Array, "scenes batch"]
@@ -122,7 +125,10 @@ class MetricPolicy:
     settings: MetricSettings = field(metadata={"static": True})
     greedy: bool = field(default=False, metadata={"static": True})
 
-    history: ClassVar[int] = 1
+    @property
+    def history(self) -> int:
+        """One view."""
+        return 1
 
     def __call__(
         self, key: PRNGKeyArray, views: Int32[Array, "scenes batch 1"], target: Int32[Array, "scenes batch"]
