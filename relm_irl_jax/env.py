@@ -14,7 +14,7 @@ The decision process, for one worker:
 the only static part.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TypeVar
 
 import jax
@@ -51,19 +51,20 @@ class Episode:
         target: row of `Targets`.
         start: state at which the episode began.
         steps: actions taken so far.
-        earlier: states before the current one, the latest first; one less than the views of an observation.
+        earlier: states before the current one, the latest first; one less than the views of an observation, and None
+            where that leaves none.
     """
 
     state: Int32[Array, ""]
     target: Int32[Array, ""]
     start: Int32[Array, ""]
     steps: Int32[Array, ""]
-    earlier: Int32[Array, "earlier"] = field(default_factory=lambda: jnp.zeros(0, jnp.int32))
+    earlier: Int32[Array, "earlier"] | None = None
 
     @property
     def views(self) -> Int32[Array, "history"]:
         """States whose views are observed, the latest first."""
-        return jnp.concatenate([self.state[..., None], self.earlier], -1)
+        return last_states(self.state, self.earlier)
 
 
 @jax.tree_util.register_dataclass
@@ -134,7 +135,7 @@ def reset(key: PRNGKeyArray, targets: Targets, lane: Lane, history: int = 1) -> 
     n_starts = targets.n_starts[target]
     column = ((position - row.astype(jnp.float32)) * n_starts.astype(jnp.float32)).astype(jnp.int32)
     start = targets.start[target, jnp.minimum(column, n_starts - 1)]
-    earlier = jnp.full(history - 1, start)
+    earlier = jnp.full(history - 1, start) if history > 1 else None
     return Episode(state=start, target=target, start=start, steps=jnp.int32(0), earlier=earlier)
 
 
@@ -183,8 +184,24 @@ def step(
         truncated=(steps >= cap) & ~terminated,
         collided=next_state == episode.state,
     )
-    earlier = episode.views[:-1]
+    earlier = None if episode.earlier is None else episode.views[:-1]
     return Episode(next_state, episode.target, episode.start, steps, earlier), transition
+
+
+def last_states(
+    state: Int32[Array, "*batch"], earlier: Int32[Array, "*batch earlier"] | None
+) -> Int32[Array, "*batch history"]:
+    """States in one array, the latest first.
+
+    Args:
+        state: the last states.
+        earlier: those before them, the latest first, if any.
+
+    Returns:
+        All of them.
+    """
+    now = state[..., None]
+    return now if earlier is None else jnp.concatenate([now, earlier], -1)
 
 
 def select(chosen: Bool[Array, "*batch"], these: Tree, those: Tree) -> Tree:

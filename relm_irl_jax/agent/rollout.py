@@ -28,7 +28,7 @@ class Experience:
 
     Attributes:
         state: state before the action.
-        earlier: states before that, the latest first.
+        earlier: states before that, the latest first, if any were observed.
         target: row of `Targets`.
         action: action taken.
         reward: reward received.
@@ -39,7 +39,7 @@ class Experience:
     """
 
     state: Int32[Array, "time groups batch"]
-    earlier: Int32[Array, "time groups batch earlier"]
+    earlier: Int32[Array, "time groups batch earlier"] | None
     target: Int32[Array, "time groups batch"]
     action: Int32[Array, "time groups batch"]
     reward: Float32[Array, "time groups batch"]
@@ -51,12 +51,13 @@ class Experience:
     @property
     def views(self) -> Int32[Array, "time groups batch history"]:
         """States whose views were observed before the action, the latest first."""
-        return jnp.concatenate([self.state[..., None], self.earlier], -1)
+        return env.last_states(self.state, self.earlier)
 
     @property
     def next_views(self) -> Int32[Array, "time groups batch history"]:
         """States whose views are observed after the action, the latest first, also where the episode ended."""
-        return jnp.concatenate([self.next_state[..., None], self.views[..., :-1]], -1)
+        earlier = None if self.earlier is None else self.views[..., :-1]
+        return env.last_states(self.next_state, earlier)
 
 
 @jax.tree_util.register_dataclass
