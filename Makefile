@@ -43,7 +43,7 @@ smoke: $(STAMP)  ## Tiny rooms through every stage and every method.
 lint: $(STAMP)  ## Style and types.
 	@$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/pyrefly check
 
-bench: $(STAMP)  ## Benchmarks: BENCH=agent|elm|irl|encoder.
+bench: $(STAMP)  ## Benchmarks: BENCH=agent|scaling|elm|irl|encoder.
 	@$(BIN)/relm-irl bench $(BENCH) $(ARGS)
 
 lock:  ## Resolve pyproject.toml into requirements.lock (needs uv).

@@ -93,7 +93,7 @@ Checked = Annotated[Check, tyro.conf.subcommand("check", prefix_name=False)]
 class Bench:
     """Measure speed on this machine; tables, figures and numbers are kept under `runs/bench`."""
 
-    name: tyro.conf.Positional[Literal["agent", "elm", "irl", "encoder"]]
+    name: tyro.conf.Positional[Literal["agent", "scaling", "elm", "irl", "encoder"]]
     """What to measure."""
 
 

@@ -1,13 +1,14 @@
 """Frames a second: the environment alone, with the policy, and training, beside a plain matrix product.
 
 Writes `agent.csv` and `agent.png`, and prints the table. The scenes are empty rooms with the built-in rooms' numbers of
-states, random features of 2048 numbers and a learned reward of 64; neither rate depends on what the views show. An
+states, random features of 2048 numbers and a learned reward of 64; no rate depends on what the views show. An
 update's operations are counted by hand: products of the shared layer, both halves of the fusion layer and the heads,
 forward once and backward.
 """
 
 import csv
 from dataclasses import asdict, dataclass, replace
+from itertools import product
 from pathlib import Path
 
 import jax
@@ -42,6 +43,7 @@ class Rate:
 
     Attributes:
         what: `environment`, `acting` (environment and policy) or `training`.
+        history: number of last views that the network sees.
         workers: number of workers.
         t_max: steps of each worker in a rollout or update.
         frames: frames of a call.
@@ -53,6 +55,7 @@ class Rate:
     """
 
     what: str
+    history: int
     workers: int
     t_max: int
     frames: int
@@ -114,8 +117,12 @@ def operations(setting: Setting, network: SiameseActorCritic, frames: int) -> fl
     """
     states, features = setting.world.features.shape
     width, targets = network.width, len(setting.targets.state)
-    shared = 2 * 2 * states * features * width
-    fusion = 3 * 2 * (states + targets) * width * width
+    encoded = min(states, frames)  # tables over all states, or every frame by itself
+    fused = encoded if network.history == 1 else frames
+    if network.history > 1 or frames < states:
+        encoded += targets
+    shared = 2 * 2 * encoded * network.history * features * width
+    fusion = 3 * 2 * (fused + targets) * width * width
     heads = 3 * 2 * frames * width * (width + 5)
     return float(shared + fusion + heads)
 
@@ -145,7 +152,8 @@ def rates(settings: SiameseSettings, repeats: int) -> list[Rate]:
 
     @jax.jit
     def acting(key: PRNGKeyArray, parameters):
-        tables = tabulate(network, parameters, setting.world.features, setting.targets.state)
+        frames = workers * settings.t_max
+        tables = tabulate(network, parameters, setting.world.features, setting.targets.state, frames)
         at = lambda views, target: forward(network, parameters, tables, views, target, heads)  # noqa: E731
         episode, experience, sums = _roll(key, sampling_actor(at), setting, learner, UPDATES * settings.t_max)
         return episode, experience.reward.sum(), sums
@@ -180,6 +188,7 @@ def _roll(key: PRNGKeyArray, actor, setting: Setting, learner: Learner, length: 
 def _rate(what: str, settings: SiameseSettings, frames: int, timing: Timing, work: float) -> Rate:
     return Rate(
         what,
+        settings.history,
         settings.workers,
         settings.t_max,
         frames,
@@ -201,12 +210,15 @@ def plain_product(repeats: int) -> float:
         Operations a second, in 1e9.
     """
     a, b = jax.random.normal(jax.random.key(0), (2, 2048, 2048))
-    product = jax.jit(jnp.matmul)
-    return 2 * 2048**3 / measure(lambda: product(a, b), repeats).median / 1e9
+    multiply = jax.jit(jnp.matmul)
+    return 2 * 2048**3 / measure(lambda: multiply(a, b), repeats).median / 1e9
 
 
 def main(
-    folder: Path = Path("runs/bench/agent"), repeats: int = 10, workers: tuple[int, ...] = (64, 128, 256, 512, 1024)
+    folder: Path = Path("runs/bench/agent"),
+    repeats: int = 10,
+    workers: tuple[int, ...] = (64, 128, 256, 512, 1024),
+    histories: tuple[int, ...] = (1, 4),
 ):
     """Run the benchmark.
 
@@ -214,15 +226,17 @@ def main(
         folder: where the table and the figure go.
         repeats: timed calls of each case after the first.
         workers: numbers of workers to sweep.
+        histories: numbers of views seen at once, with each of them.
 
     Returns:
         The rows.
     """
     folder.mkdir(parents=True, exist_ok=True)
     rows: list[Rate] = []
-    with progress_bar("agent benchmark", len(workers), "cases") as advance:
-        for count in workers:
-            rows += rates(replace(SiameseSettings(), workers=count), repeats)
+    cases = list(product(histories, workers))
+    with progress_bar("agent benchmark", len(cases), "cases") as advance:
+        for history, count in cases:
+            rows += rates(replace(SiameseSettings(), workers=count, history=history), repeats)
             advance(1)
     peak = plain_product(repeats)
     with (folder / "agent.csv").open("w", newline="") as file:
@@ -232,11 +246,12 @@ def main(
     _draw(rows, folder / "agent.png")
     caption = f"share: of a plain 2048 × 2048 float32 product, {peak:.0f} GFLOP/s"
     table = Table(title=machine(), caption=caption, padding=(0, 0))
-    for heading in ("", "workers", "first s", "median ms", "worst ms", "frames/s", "GFLOP/s", "share"):
+    for heading in ("", "views", "workers", "first s", "median ms", "worst ms", "frames/s", "GFLOP/s", "share"):
         table.add_column(heading, justify="right" if heading else "left", no_wrap=True)
     for row in rows:
         table.add_row(
             row.what,
+            f"{row.history}",
             f"{row.workers}",
             f"{row.first_seconds:.1f}",
             f"{1e3 * row.median_seconds:.1f}",
@@ -254,9 +269,10 @@ def _draw(rows: list[Rate], path: Path) -> None:
 
     figure = Figure(figsize=(5.2, 3.6), layout="constrained")
     axes = figure.subplots()
-    for what in dict.fromkeys(row.what for row in rows):
-        own = [row for row in rows if row.what == what]
-        axes.loglog([row.workers for row in own], [row.frames_per_second for row in own], "o-", label=what)
+    for what, history in dict.fromkeys((row.what, row.history) for row in rows):
+        own = [row for row in rows if (row.what, row.history) == (what, history)]
+        label = what if history == 1 else f"{what}, {history} views"
+        axes.loglog([row.workers for row in own], [row.frames_per_second for row in own], "o-", label=label)
     axes.set(xlabel="workers", ylabel="frames a second")
     log_axes(axes, [row.workers for row in rows])
     axes.legend(frameon=False)
