@@ -109,8 +109,8 @@ def main(
         writer.writeheader()
         writer.writerows(asdict(row) for row in rows)
     caption = (
-        "Virtual devices share this machine's cores: n of them have n times the work of one. Ratio: an update's time over n "
-        "times the first row's; 1 where working together costs nothing."
+        "Virtual devices share this machine's cores: n of them have n times the work of one. Ratio: an update's time "
+        "over n times the first row's; 1 where working together costs nothing."
     )
     table = Table(title=machine(), caption=caption, padding=(0, 0))
     for heading in (
