@@ -20,8 +20,11 @@ from relm_irl_jax.runs import find_run, read_results
 from relm_irl_jax.scenes.catalog import scene_files
 from relm_irl_jax.scenes.check import check_files, check_table
 from relm_irl_jax.scenes.dump import save_scene
+from relm_irl_jax.scenes.export import export, export_table
 from relm_irl_jax.scenes.rooms import generate_room
 from relm_irl_jax.scenes.scene import ROOM_TYPES
+from relm_irl_jax.scenes.thor import ThorSettings, thor_scenes
+from relm_irl_jax.scenes.vizdoom import VizdoomSettings, vizdoom_maps
 from relm_irl_jax.stages.playing import play as play_run
 
 
@@ -85,8 +88,44 @@ class Check:
     """Scene files, or folders of them."""
 
 
+@dataclass(frozen=True)
+class ExportVizdoom:
+    """Record maps of ViZDoom; Freedoom's come with it (pip install vizdoom)."""
+
+    out: Path
+    """Folder for the files. Files that exist are kept; a record that was cut off goes on."""
+    maps: tuple[str, ...]
+    """Maps: map01 to map32, or e1m1 to e4m9."""
+    settings: Annotated[VizdoomSettings, tyro.conf.arg(name="")] = VizdoomSettings()
+    """What is recorded."""
+
+
+@dataclass(frozen=True)
+class ExportThor:
+    """Record scenes of AI2-THOR, live (pip install ai2thor)."""
+
+    out: Path
+    """Folder for the files. Files that exist are kept; a record that was cut off goes on."""
+    scenes: tuple[str, ...]
+    """iTHOR scenes, such as FloorPlan401, or JSON files of ProcTHOR houses."""
+    settings: Annotated[ThorSettings, tyro.conf.arg(name="")] = ThorSettings()
+    """What is recorded."""
+
+
+RecordedVizdoom = Annotated[ExportVizdoom, tyro.conf.subcommand("vizdoom", prefix_name=False)]
+RecordedThor = Annotated[ExportThor, tyro.conf.subcommand("thor", prefix_name=False)]
+
+
+@dataclass(frozen=True)
+class Export:
+    """Record scenes of another engine in the THOR v1 format."""
+
+    engine: Annotated[RecordedVizdoom | RecordedThor, tyro.conf.arg(name="")]
+
+
 Generated = Annotated[Generate, tyro.conf.subcommand("generate", prefix_name=False)]
 Checked = Annotated[Check, tyro.conf.subcommand("check", prefix_name=False)]
+Exported = Annotated[Export, tyro.conf.subcommand("export", prefix_name=False)]
 
 
 @dataclass(frozen=True)
@@ -153,10 +192,12 @@ def _dispatch(arguments: list[str]) -> None:
             console.print(f"{path}: {outcome}, shortest path {walk.shortest}", highlight=False, soft_wrap=True)
 
     @app.command
-    def scenes(command: Annotated[Generated | Checked, tyro.conf.arg(name="")]) -> None:
-        """Generate built-in rooms as scene files, or check scene files."""
+    def scenes(command: Annotated[Generated | Checked | Exported, tyro.conf.arg(name="")]) -> None:
+        """Generate built-in rooms as scene files, record scenes of other engines, or check scene files."""
         if isinstance(command, Generate):
             _generate(command)
+        elif isinstance(command, Export):
+            _export(command.engine)
         else:
             _check(command)
 
@@ -173,6 +214,14 @@ def _generate(command: Generate) -> None:
         for number in range(command.first, command.first + command.count):
             scene = generate_room(room_type, number, size=command.size, image_size=command.image_size)
             save_scene(scene, command.out / f"{scene.name}.h5")
+
+
+def _export(command: ExportVizdoom | ExportThor) -> None:
+    if isinstance(command, ExportVizdoom):
+        openers = vizdoom_maps(command.maps, command.settings)
+    else:
+        openers = thor_scenes(command.scenes, command.settings)
+    Console().print(export_table(list(export(openers, command.out))))
 
 
 def _check(command: Check) -> None:
