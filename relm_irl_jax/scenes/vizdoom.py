@@ -6,7 +6,8 @@ The wheel of `vizdoom` holds the Freedoom maps, `map01` to `map32` and `e1m1` to
   neighbouring places do not overlap. The map's x is the scene's x, its y the scene's z; the player's start is a place.
 - **Moves** are the engine's own: the player is warped to a place, walks ahead, and has moved if it gets as far as the
   next place. Solid objects, walls, steps higher than 24 units and closed doors are therefore collisions. States are the
-  places that can be walked to from the start and back, nearest first, up to a limit; drops bound the region.
+  places that can be walked to from the start and back, nearest first, up to a limit; drops bound the region. It starts
+  where the player does, or, with `start = "objects"`, beside the object with the most kinds of others around it.
 - **Views** are the centre square of a frame of 4:3, cut out pixel by pixel and never resampled, with the lens widened
   so that the square sees 90 degrees, as in the built-in rooms. Weapon, messages, HUD, flashes and monsters are off.
 - **Every move and view begins in a fresh episode** and therefore does not depend on earlier ones: items that a walk
@@ -25,7 +26,7 @@ from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field, PositiveInt
@@ -48,6 +49,12 @@ THRUST, FRICTION = 1.5625, 0.90625
 SLACK = 1.0
 """Map units by which a walk may end short of the next place or beside the straight line."""
 
+NO_OBJECTS = ("Self", "Player", "Internal", "MapSpot", "SFX", "ScriptThing", "DynamicLight", "Token")
+"""Categories of labels that name nothing a person would see or look for."""
+
+MOST_STARTS = 8
+"""Places that are tried where a region shall begin among objects; the first whose region is full is taken."""
+
 
 @dataclass(frozen=True)
 class VizdoomSettings:
@@ -59,6 +66,8 @@ class VizdoomSettings:
     """Map units that count as one step of 0.5 m."""
     image_size: int = Field(default=224, ge=8, le=1200)
     """Rows and columns of a view."""
+    start: Literal["player", "objects"] = "player"
+    """Begin where the player does, or where the most kinds of objects are near each other."""
     room_type: str = Field(default="doom", min_length=1)
     """Room type of the scenes: training has one head for each, and Task III seeks what was trained in its own."""
     wad: Path | None = None
@@ -106,10 +115,10 @@ def vizdoom_map(name: str, settings: VizdoomSettings) -> Iterator[Source]:
         game, resolution = _start(vizdoom, name, wad, settings.image_size, Path(folder))
         try:
             walker = _Walker(vizdoom, game, resolution, settings)
-            poses = _region(walker, name, settings.states // 4)
+            poses = _states(walker, name, settings)
             origin = (
-                f"vizdoom/{vizdoom.__version__} {wad.name} {name} {settings.map_units} units a step, "
-                f"{settings.image_size} pixels"
+                f"vizdoom/{vizdoom.__version__} {wad.name} {name} from {settings.start}, "
+                f"{settings.map_units} units a step, {settings.image_size} pixels"
             )
             yield Source(name.lower(), settings.room_type, origin, poses, walker.move, walker.view)
         finally:
@@ -133,6 +142,25 @@ class _Walker:
         self.start = self._pose()
         self._walks = cache(self._walks_ahead)
 
+    def starts(self, places: int) -> list[Pose]:
+        """Places of the player's grid nearest to objects, those with the most kinds of objects around them first.
+
+        Around means half as far as a square of so many places is wide.
+        """
+        self._game.new_episode()
+        objects = [item for item in self._game.get_state().objects if item.category not in NO_OBJECTS]
+        where = np.asarray([(item.position_x, item.position_y) for item in objects]).reshape(-1, 2) / self._units
+        is_near = np.abs(where[:, None] - where).max(-1) <= GRID_STEP * math.sqrt(places) / 2
+        kinds = [len({objects[other].name for other in np.flatnonzero(near)}) for near in is_near]
+        starts = []
+        for number in np.argsort(kinds, kind="stable")[::-1]:
+            x, z = (
+                origin + GRID_STEP * round((value - origin) / GRID_STEP)
+                for value, origin in zip(where[number], self.start, strict=False)
+            )
+            starts.append(Pose(float(x), float(z), HEADINGS[0]))
+        return [*list(dict.fromkeys(starts))[:MOST_STARTS], self.start]
+
     def move(self, pose: Pose, action: str) -> Pose | None:
         """Where an action leads; backwards is ahead the other way round, the player being as wide as deep."""
         if action not in (AHEAD, BACK):
@@ -150,7 +178,7 @@ class _Walker:
         share = np.bincount(labels.ravel(), minlength=256) / labels.size
         visible: dict[str, float] = {}
         for label in state.labels:
-            if share[label.value] > 0 and label.object_category != "Self":
+            if share[label.value] > 0 and label.object_category not in NO_OBJECTS:
                 visible[label.object_name] = visible.get(label.object_name, 0.0) + float(share[label.value])
         return View(self._pose(), state.screen_buffer[self._rows, self._columns].copy(), visible)
 
@@ -196,25 +224,33 @@ class _Walker:
         return self._game.get_game_variable(getattr(self._variables, name))
 
 
-def _region(walker: _Walker, name: str, most: int) -> list[Pose]:
-    """Poses at the places that can be walked to from the start and back, nearest first."""
-    places = [walker.start._replace(rotation=HEADINGS[0])]
-    found = {(0, 0)}
-    offsets = [(0, 0)]
-    with progress_bar(f"walking {name}", most, "places") as advance:
-        for place, (column, row) in zip(places, offsets, strict=True):  # both grow as places are found
-            advance(1)
-            for heading, (dx, dz) in zip(HEADINGS, ((0, 1), (1, 0), (0, -1), (-1, 0)), strict=True):
-                offset = (column + dx, row + dz)
-                there = place._replace(rotation=heading)
-                if offset in found or len(places) >= most or walker.move(there, AHEAD) is None:
-                    continue
-                onward = stepped(there, AHEAD)
-                if walker.move(onward, BACK) is not None:
-                    found.add(offset)
-                    places.append(onward._replace(rotation=HEADINGS[0]))
-                    offsets.append(offset)
-    return [place._replace(rotation=heading) for place in places for heading in HEADINGS]
+def _states(walker: _Walker, name: str, settings: VizdoomSettings) -> list[Pose]:
+    """Poses of the region that is recorded: four headings at each of its places."""
+    most = settings.states // 4
+    region: list[Pose] = []
+    with progress_bar(f"walking {name.lower()}", most, "places") as advance:
+        for start in walker.starts(most) if settings.start == "objects" else [walker.start]:
+            found = _region(walker, start, most)
+            advance(max(0, len(found) - len(region)))
+            region = max(region, found, key=len)
+            if len(region) == most:
+                break
+    return [place._replace(rotation=heading) for place in region for heading in HEADINGS]
+
+
+def _region(walker: _Walker, start: Pose, most: int) -> list[Pose]:
+    """Places that can be walked to from the start and back, nearest first."""
+    places = [start._replace(rotation=HEADINGS[0])]
+    found = set(places)
+    for place in places:  # grows as places are found
+        for heading in HEADINGS:
+            there = place._replace(rotation=heading)
+            onward = stepped(there, AHEAD)
+            is_new = onward._replace(rotation=HEADINGS[0]) not in found and len(places) < most
+            if is_new and walker.move(there, AHEAD) is not None and walker.move(onward, BACK) is not None:
+                found.add(onward._replace(rotation=HEADINGS[0]))
+                places.append(onward._replace(rotation=HEADINGS[0]))
+    return places
 
 
 def _walked(tics: int) -> float:
@@ -284,6 +320,7 @@ def _start(vizdoom: ModuleType, name: str, wad: Path, size: int, folder: Path) -
     for part in ("hud", "crosshair", "weapon", "decals", "particles", "messages", "effects_sprites", "screen_flashes"):
         getattr(game, f"set_render_{part}")(False)
     game.set_labels_buffer_enabled(True)
+    game.set_objects_info_enabled(True)
     button = vizdoom.Button
     game.set_available_buttons([button.MOVE_FORWARD_BACKWARD_DELTA, button.TURN_LEFT_RIGHT_DELTA])
     game.set_mode(vizdoom.Mode.PLAYER)
