@@ -15,9 +15,15 @@ import numpy as np
 
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.files import whole_file
-from relm_irl_jax.scenes.scene import ROOM_TYPES, Scene
+from relm_irl_jax.scenes.scene import ACTIONS, COLLISION, ROOM_TYPES, UNREACHABLE, Scene
 
 FORMAT_VERSION = 1
+NAME_PATTERN = r"\w[\w .+-]*"
+"""Names of scenes and room types: they become parts of file names."""
+
+MOST_COMPRESSION = 2000
+"""No dataset is this many times larger than its file."""
+
 _OTHER_SPELLINGS = {"livingroom": "living_room"}
 
 
@@ -70,8 +76,11 @@ def load_scene(path: str | os.PathLike, *, frames: bool = True) -> Scene:
     try:
         with h5py.File(path, "r") as file:
             return _read(file, path, frames)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read as HDF5 ({error}); write or copy the file again.") from error
+    except InputError:
+        raise
+    except Exception as error:  # a damaged file makes the HDF5 library raise nearly everything
+        cause = (str(error).splitlines() or [type(error).__name__])[0]
+        raise InputError(f"{path}: cannot be read as HDF5 ({cause}); write or copy the file again.") from error
 
 
 def room_type_of(name: str) -> str:
@@ -89,53 +98,40 @@ def room_type_of(name: str) -> str:
 
 
 def _read(file: h5py.File, path: Path, frames: bool) -> Scene:
-    graph = _dataset(file, path, "graph", 2)
+    graph = _dataset(file, path, "graph", (None, len(ACTIONS)))
     n_states = len(graph)
-    location = _dataset(file, path, "location", 2, n_states)
-    rotation = _dataset(file, path, "rotation", None, n_states).reshape(-1)
-    distance = _dataset(file, path, "shortest_path_distance", 2, n_states)
-    _require(graph.shape[1] == 4, path, "graph", f"has {graph.shape[1]} columns where 4 actions are expected")
-    _require(
-        np.issubdtype(graph.dtype, np.integer) and graph.min() >= -1 and graph.max() < n_states,
-        path,
-        "graph",
-        f"must hold -1 or a state number below {n_states}",
-    )
-    _require(
-        distance.shape == (n_states, n_states),
-        path,
-        "shortest_path_distance",
-        f"must be {n_states} x {n_states}",
-    )
-    _require(location.shape == (n_states, 2), path, "location", f"must be {n_states} x 2")
-    _require(rotation.shape == (n_states,), path, "rotation", f"must hold {n_states} headings")
-    features = categories = visible = None
+    is_state = np.issubdtype(graph.dtype, np.integer) and graph.min() >= COLLISION and graph.max() < n_states
+    _require(bool(is_state), path, "graph", f"must hold -1 or a state number below {n_states}")
+    location = _numbers(file, path, "location", (n_states, 2))
+    stored = file.get("rotation")
+    column = isinstance(stored, h5py.Dataset) and len(stored.shape or ()) == 2
+    rotation = _numbers(file, path, "rotation", (n_states, 1) if column else (n_states,)).reshape(-1)
+    distance = _numbers(file, path, "shortest_path_distance", (n_states, n_states))
+    is_distance = distance.min() >= UNREACHABLE and distance.max() < 2**31 and (distance == np.round(distance)).all()
+    _require(bool(is_distance), path, "shortest_path_distance", "must hold whole numbers, -1 or more")
+    features = observation = visible = None
+    categories = ()
     if "resnet_feature" in file:
-        stored = _dataset(file, path, "resnet_feature", 3, n_states)
-        features = np.ascontiguousarray(stored[:, 0], np.float32)
-        _require(bool(np.isfinite(features).all()), path, "resnet_feature", "holds values that are not finite")
+        crops = _numbers(file, path, "resnet_feature", (n_states, None, None))
+        features = np.ascontiguousarray(crops[:, 0], np.float32)
     if "visible_object" in file:
-        visible = _dataset(file, path, "visible_object", 2, n_states).astype(np.float32)
-        categories = tuple(str(name) for name in file["visible_object"].attrs.get("categories", ()))
+        visible = _numbers(file, path, "visible_object", (n_states, None)).astype(np.float32)
+        is_share = visible.min() >= 0 and visible.max() <= 1 + 1e-6
+        _require(bool(is_share), path, "visible_object", "must hold shares between 0 and 1")
+        categories = tuple(str(name) for name in np.ravel(file["visible_object"].attrs.get("categories", ())))
         _require(
             len(categories) == visible.shape[1],
             path,
             "visible_object",
             "needs one name a column in `categories`",
         )
-    observation = None
     if frames:
-        observation = _dataset(file, path, "observation", 4, n_states)
-        _require(
-            observation.dtype == np.uint8 and observation.shape[3] == 3,
-            path,
-            "observation",
-            "must be uint8 RGB",
-        )
-    name = str(file.attrs.get("name", path.stem))
+        observation = _dataset(file, path, "observation", (n_states, None, None, 3))
+        _require(observation.dtype == np.uint8, path, "observation", "must be uint8 RGB")
+    name = _text(file, path, "name", path.stem)
     return Scene(
         name=name,
-        room_type=str(file.attrs.get("room_type", room_type_of(name))),
+        room_type=_text(file, path, "room_type", room_type_of(name)),
         location=location.astype(np.float64),
         rotation=rotation.astype(np.float64),
         graph=graph.astype(np.int32),
@@ -143,21 +139,45 @@ def _read(file: h5py.File, path: Path, frames: bool) -> Scene:
         observation=observation,
         features=features,
         visible_object=visible,
-        categories=categories or (),
+        categories=categories,
         source=str(file.attrs.get("source", "thor")),
         encoder=str(file.attrs.get("encoder", "dump" if features is not None else "")),
     )
 
 
-def _dataset(file: h5py.File, path: Path, name: str, dimensions: int | None, length: int | None = None) -> np.ndarray:
-    """Read one dataset whole, checking presence, number of dimensions and length."""
-    if not isinstance(file.get(name), h5py.Dataset):
+def _dataset(file: h5py.File, path: Path, name: str, shape: tuple[int | None, ...]) -> np.ndarray:
+    """Read one dataset whole; its presence and shape are checked first, None standing for any length but 0."""
+    stored = file.get(name)
+    if not isinstance(stored, h5py.Dataset):
         raise InputError(f"{path}: dataset `{name}` is missing; write the scene again in the THOR v1 format.")
-    values = file[name][()]
-    _require(isinstance(values, np.ndarray) and values.size > 0, path, name, "is empty")
-    _require(dimensions in (None, values.ndim), path, name, f"has {values.ndim} dimensions, expected {dimensions}")
-    _require(length in (None, len(values)), path, name, f"has {len(values)} rows where `graph` has {length}")
+    found = stored.shape or ()
+    fits = len(found) == len(shape) and all(n > 0 and m in (None, n) for n, m in zip(found, shape, strict=True))
+    expected = " x ".join("any" if length is None else str(length) for length in shape)
+    _require(fits, path, name, f"is of shape {' x '.join(map(str, found)) or 'none'} where {expected} is expected")
+    # A damaged length could ask for more memory than there is; no compression shrinks pictures so far.
+    most = MOST_COMPRESSION * path.stat().st_size
+    _require(stored.size * stored.dtype.itemsize <= most, path, name, "claims to be larger than its file can hold")
+    return stored[()]
+
+
+def _numbers(file: h5py.File, path: Path, name: str, shape: tuple[int | None, ...]) -> np.ndarray:
+    """Read one dataset of finite real numbers."""
+    values = _dataset(file, path, name, shape)
+    _require(values.dtype.kind in "iuf", path, name, f"holds no real numbers but {values.dtype}")
+    limit = float(np.finfo(np.float32).max)
+    fits = np.isfinite(values).all() and np.abs(values, dtype=np.float64).max() <= limit
+    _require(bool(fits), path, name, "holds values that are not finite")
     return values
+
+
+def _text(file: h5py.File, path: Path, attribute: str, default: str) -> str:
+    """Read an attribute that becomes part of file names."""
+    value = file.attrs.get(attribute, default)
+    if not isinstance(value, str) or not re.fullmatch(NAME_PATTERN, value):
+        raise InputError(
+            f"{path}: attribute `{attribute}` must be a name of letters, digits, '_', '-', '.' and blanks."
+        )
+    return value
 
 
 def _require(holds: bool, path: Path, dataset: str, fault: str) -> None:

@@ -23,6 +23,7 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from relm_irl_jax.errors import InputError
+from relm_irl_jax.scenes.dump import NAME_PATTERN
 from relm_irl_jax.scenes.scene import GRID_STEP, HEADINGS
 from relm_irl_jax.scenes.source import Pose, Source, View
 
@@ -41,7 +42,7 @@ class ThorSettings:
     """Rows and columns of a view."""
     field_of_view: float = Field(default=90, gt=0, lt=180)
     """Angle in degrees that a view covers."""
-    room_type: str = ""
+    room_type: str = Field(default="", pattern=f"^({NAME_PATTERN})?$")
     """Room type of the scenes; by default iTHOR's own by number, and `house` for houses."""
     cloud_rendering: bool = False
     """Render without a display, by Vulkan."""

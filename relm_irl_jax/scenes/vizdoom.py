@@ -34,6 +34,7 @@ from pydantic.dataclasses import dataclass
 
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.progress import progress_bar
+from relm_irl_jax.scenes.dump import NAME_PATTERN
 from relm_irl_jax.scenes.scene import GRID_STEP, HEADINGS
 from relm_irl_jax.scenes.source import AHEAD, BACK, Pose, Source, View, stepped
 
@@ -68,7 +69,7 @@ class VizdoomSettings:
     """Rows and columns of a view."""
     start: Literal["player", "objects"] = "player"
     """Begin where the player does, or where the most kinds of objects are near each other."""
-    room_type: str = Field(default="doom", min_length=1)
+    room_type: str = Field(default="doom", pattern=f"^{NAME_PATTERN}$")
     """Room type of the scenes: training has one head for each, and Task III seeks what was trained in its own."""
     wad: Path | None = None
     """WAD file with the maps; by default Freedoom's, from the wheel."""
