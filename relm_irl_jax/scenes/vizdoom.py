@@ -10,8 +10,9 @@ The wheel of `vizdoom` holds the Freedoom maps, `map01` to `map32` and `e1m1` to
   where the player does, or, with `start = "objects"`, beside the object with the most kinds of others around it.
 - **Views** are the centre square of a frame of 4:3, cut out pixel by pixel and never resampled, with the lens widened
   so that the square sees 90 degrees, as in the built-in rooms. Weapon, messages, HUD, flashes and monsters are off.
-- **Every move and view begins in a fresh episode** and therefore does not depend on earlier ones: items that a walk
-  picks up lie there again, lights flicker in the same phase, and a record that was cut off goes on to the same file.
+- **Each place begins in a fresh episode**, once for its views and once for its moves, which therefore do not depend on
+  other places: items that a walk picks up lie there again, lights flicker in the same phase, and a record that was cut
+  off goes on to the same file.
 - **Objects** are the engine's labels: decorations and items by name, with the share of the view that they cover.
 """
 
@@ -20,8 +21,8 @@ import re
 import struct
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
-from functools import cache, partial
+from contextlib import AbstractContextManager, chdir, contextmanager
+from functools import cache, lru_cache, partial
 from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
@@ -40,6 +41,9 @@ from relm_irl_jax.scenes.source import AHEAD, BACK, Pose, Source, View, stepped
 
 SETTLING_TICS = 10
 """Tics until the player obeys after an episode begins and eye height and lens have settled after a warp."""
+
+STOPPING_TICS = 64
+"""Tics in which friction stops a running player."""
 
 EYE_HEIGHT = 41.0
 """The player's eyes above its feet, in map units."""
@@ -137,11 +141,12 @@ class _Walker:
         size = settings.image_size
         self._rows = slice((height - size) // 2, (height - size) // 2 + size)
         self._columns = slice((width - size) // 2, (width - size) // 2 + size)
-        self._lens = round(2 * math.degrees(math.atan(width / size)), 3)
+        self._lens = round(2 * math.degrees(math.atan(width / size)))  # the engine takes whole degrees
         self._units = settings.map_units / GRID_STEP
         self._tics = _walking_tics(settings.map_units)
         self.start = self._pose()
-        self._walks = cache(self._walks_ahead)
+        self._walks = cache(self._walks_around)
+        self._views = lru_cache(maxsize=1)(self._views_around)
 
     def starts(self, places: int) -> list[Pose]:
         """Places of the player's grid nearest to objects, those with the most kinds of objects around them first.
@@ -166,12 +171,45 @@ class _Walker:
         """Where an action leads; backwards is ahead the other way round, the player being as wide as deep."""
         if action not in (AHEAD, BACK):
             return stepped(pose, action)
-        direction = pose if action == AHEAD else pose._replace(rotation=(pose.rotation + 180) % 360)
-        return stepped(pose, action) if self._walks(direction) else None
+        direction = (pose.rotation + (0 if action == AHEAD else 180)) % 360
+        return stepped(pose, action) if self._walks(pose.x, pose.z)[HEADINGS.index(direction)] else None
 
     def view(self, pose: Pose) -> View | None:
         """What the player sees; None where it does not fit or is not at rest."""
-        self._stand(pose)
+        return self._views(pose.x, pose.z)[HEADINGS.index(pose.rotation)]
+
+    def _walks_around(self, x: float, z: float) -> tuple[bool, ...]:
+        """Whether the player gets from a place to the next one, for each heading."""
+        self._game.new_episode()
+        return tuple(self._walks_ahead(Pose(x, z, heading)) for heading in HEADINGS)
+
+    def _walks_ahead(self, pose: Pose) -> bool:
+        self._advance([0, 0], STOPPING_TICS)  # a warp does not take speed away
+        self._warp(pose)
+        self._turn(pose)
+        if not self._at_rest():
+            return False
+        self._advance([50, 0], self._tics)
+        if self._game.is_episode_finished():  # a walk through the exit
+            self._game.new_episode()
+            return False
+        there, onward = self._pose(), stepped(pose, AHEAD)
+        along, aside = (there.z - onward.z, there.x - onward.x)
+        if pose.rotation in (90, 270):
+            along, aside = aside, along
+        if pose.rotation in (180, 270):
+            along = -along
+        too_far = _walked(self._tics) - self._settings.map_units + SLACK
+        return -SLACK <= along * self._units <= too_far and abs(aside) * self._units <= SLACK
+
+    def _views_around(self, x: float, z: float) -> tuple[View | None, ...]:
+        """What the player sees from a place, for each heading."""
+        self._game.new_episode()
+        self._warp(Pose(x, z, HEADINGS[0]))
+        return tuple(self._view_ahead(Pose(x, z, heading)) for heading in HEADINGS)
+
+    def _view_ahead(self, pose: Pose) -> View | None:
+        self._turn(pose)
         if not self._at_rest():
             return None
         state = self._game.get_state()
@@ -183,32 +221,18 @@ class _Walker:
                 visible[label.object_name] = visible.get(label.object_name, 0.0) + float(share[label.value])
         return View(self._pose(), state.screen_buffer[self._rows, self._columns].copy(), visible)
 
-    def _walks_ahead(self, pose: Pose) -> bool:
-        """Whether the player gets from a pose to the next place, on a straight line."""
-        self._stand(pose)
-        if not self._at_rest():
-            return False
-        self._game.set_action([50, 0])
-        self._game.advance_action(self._tics, True)
-        if self._game.is_episode_finished():  # a walk through the exit
-            return False
-        there, onward = self._pose(), stepped(pose, AHEAD)
-        along, aside = (there.z - onward.z, there.x - onward.x)
-        if round(pose.rotation) % 180 == 90:
-            along, aside = aside, along
-        if round(pose.rotation) % 360 in (180, 270):
-            along = -along
-        too_far = _walked(self._tics) - self._settings.map_units + SLACK
-        return -SLACK <= along * self._units <= too_far and abs(aside) * self._units <= SLACK
-
-    def _stand(self, pose: Pose) -> None:
-        """Begin a fresh episode and put the player at a pose, at rest."""
-        self._game.new_episode()
+    def _warp(self, pose: Pose) -> None:
         self._game.send_game_command(f"warp {pose.x * self._units:.6f} {pose.z * self._units:.6f}")
         self._game.send_game_command(f"fov {self._lens}")
-        for action, tics in (([0, 0], SETTLING_TICS), ([0, pose.rotation - self.start.rotation], 1), ([0, 0], 1)):
-            self._game.set_action(action)
-            self._game.advance_action(tics, action == [0, 0] and tics == 1)
+        self._advance([0, 0], SETTLING_TICS)
+
+    def _turn(self, pose: Pose) -> None:
+        self._advance([0, pose.rotation - self._pose().rotation], 1)
+        self._advance([0, 0], 1)
+
+    def _advance(self, action: list[float], tics: int) -> None:
+        self._game.set_action(action)
+        self._game.advance_action(tics, True)
 
     def _at_rest(self) -> bool:
         """Whether eye height and lens have settled; a player that did not fit where it was sent hangs elsewhere."""
@@ -309,7 +333,7 @@ def _start(vizdoom: ModuleType, name: str, wad: Path, size: int, folder: Path) -
     """Start the engine without window, sound, weapon, messages and monsters."""
     resolution = next((w, h) for w, h in ((160, 120), (320, 240), (640, 480), (1600, 1200)) if h >= size)
     game = vizdoom.DoomGame()
-    game.set_doom_game_path(str(wad))
+    game.set_doom_game_path(str(wad.resolve()))
     game.set_doom_config_path(str(folder / "vizdoom.ini"))
     game.set_doom_map(name.lower())
     game.set_seed(0)
@@ -327,5 +351,6 @@ def _start(vizdoom: ModuleType, name: str, wad: Path, size: int, folder: Path) -
     game.set_mode(vizdoom.Mode.PLAYER)
     game.set_episode_timeout(0)
     game.add_game_args("-nomonsters +sv_cheats 1")
-    game.init()
+    with chdir(folder):  # where the engine starts, it leaves a folder
+        game.init()
     return game, resolution
