@@ -23,9 +23,9 @@ class SceneSettings:
     """How many scenes of each room type are trained and kept unseen, and how rooms are generated."""
 
     training_per_type: PositiveInt = 2
-    """Training scenes of each room type; a folder may hold fewer."""
+    """Training scenes of each room type; of a folder the first ones in the order of file names, or fewer."""
     unseen_per_type: PositiveInt = 3
-    """Scenes of each room type that only Task III sees; a folder may hold fewer, but at least one."""
+    """Scenes of each room type that only Task III sees; of a folder those that follow, at least one."""
     size: Literal["full", "tiny"] = "full"
     """Size of the built-in rooms: the original scenes' state counts, or a dozen places for quick trials."""
     image_size: PositiveInt = 224

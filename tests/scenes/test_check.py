@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import h5py
 import numpy as np
 import pytest
 from builders import grid_scene
@@ -74,3 +75,21 @@ def test_a_file_that_cannot_be_read_does_not_stop_the_others(scene, tmp_path):
     assert "bathroom-1.h5" in checked[0].faults[0]
     assert checked[1].faults == ()
     assert check_table(checked).row_count == 2
+
+
+def test_an_original_dump_is_sound(tmp_path):
+    """As published: 300 x 400 frames, ten crops, 64-bit integers, no attributes, a state that nothing leads to."""
+    scene = grid_scene(1, 2)
+    graph = np.concatenate([scene.graph, [[-1, -1, -1, -1]]]).astype(np.int64)
+    path = tmp_path / "bathroom_02.h5"
+    with h5py.File(path, "w") as file:
+        file["observation"] = np.zeros((9, 300, 400, 3), np.uint8)
+        file["resnet_feature"] = np.zeros((9, 10, 2048), np.float32)
+        file["location"] = np.concatenate([scene.location, [[4.0, 4.0]]])
+        file["rotation"] = np.concatenate([scene.rotation, [270.0]])
+        file["graph"] = graph
+        file["shortest_path_distance"] = shortest_path_distances(graph).astype(np.int64)
+    checked = check_files([path])[0]
+    assert (checked.faults, checked.notes, checked.unreachable) == ((), (), 1)
+    assert checked.scene.room_type == "bathroom"
+    assert (checked.scene.shortest_path_distance[8] == [*[-1] * 8, 0]).all()

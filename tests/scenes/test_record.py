@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 from relm_irl_jax.errors import InputError
+from relm_irl_jax.scenes import Pose, Source, View, load_scene, record_scene, stepped
 from relm_irl_jax.scenes.check import check_scene
-from relm_irl_jax.scenes.dump import load_scene
-from relm_irl_jax.scenes.record import record_scene
 from relm_irl_jax.scenes.scene import HEADINGS
-from relm_irl_jax.scenes.source import Pose, Source, View, stepped
 
 PLAN = ["....", ".##.", "...."]
 

@@ -9,10 +9,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from relm_irl_jax.cli import main
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.scenes.check import check_scene
 from relm_irl_jax.scenes.record import record_scene
-from relm_irl_jax.scenes.thor import ThorSettings, read_house, room_type_of_plan, thor_scene, thor_scenes
+from relm_irl_jax.scenes.thor import ThorSettings, read_house, room_type_of_plan, thor_scene
 
 SETTINGS = ThorSettings(image_size=8)
 PLAN = ["...", ".#.", "..."]  # places 0.5 m apart, the first at (-1.25, 2.75)
@@ -171,11 +172,16 @@ def test_files_that_are_no_houses(tmp_path, content, fault):
         read_house(path)
 
 
-def test_a_simulator_that_is_missing_or_does_not_start(monkeypatch):
+def test_without_the_simulator_the_command_says_what_to_install(monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "ai2thor.controller", None)
-    with pytest.raises(InputError, match=r"pip install 'relm-irl-jax\[thor\]'"):
-        thor_scenes(["FloorPlan1"], SETTINGS)
+    monkeypatch.setattr(sys, "argv", ["relm-irl", "scenes", "export", "thor", "--scenes", "FloorPlan401", "--out", "x"])
+    with pytest.raises(SystemExit) as stopped:
+        main()
+    assert stopped.value.code == 2
+    assert capsys.readouterr().err == ("relm-irl: AI2-THOR is not installed; run: pip install 'relm-irl-jax[thor]'.\n")
 
+
+def test_a_simulator_that_does_not_start():
     def no_build(**given):
         raise ConnectionError("cannot reach the build\nmore")
 

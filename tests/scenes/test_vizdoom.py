@@ -1,6 +1,7 @@
 """The ViZDoom source against the engine itself, on the first Freedoom map."""
 
 import itertools
+import re
 import struct
 import sys
 import tempfile
@@ -9,8 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from relm_irl_jax.cli import main
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.scenes.check import check_scene
+from relm_irl_jax.scenes.dump import load_scene
 from relm_irl_jax.scenes.record import record_scene
 from relm_irl_jax.scenes.scene import HEADINGS
 from relm_irl_jax.scenes.source import AHEAD, BACK, Pose, stepped
@@ -139,6 +142,29 @@ def test_maps_that_do_not_exist_are_refused_before_anything_runs(engine, tmp_pat
         (tmp_path / "bad.wad").write_bytes(content)
         with pytest.raises(InputError, match=r"bad.wad"):
             vizdoom_maps(["map01"], VizdoomSettings(wad=tmp_path / "bad.wad"))
+
+
+def test_the_command_keeps_finished_files_and_reports(engine, monkeypatch, capsys, tmp_path):
+    arguments = [
+        "--maps",
+        "map01",
+        "--states",
+        "8",
+        "--image-size",
+        "32",
+        "--room-type",
+        "base",
+        "--out",
+        str(tmp_path),
+    ]
+    monkeypatch.setattr(sys, "argv", ["relm-irl", "scenes", "export", "vizdoom", *arguments])
+    main()
+    assert re.search(r"map01.h5 +8 +0 +0 +0", capsys.readouterr().out)
+    assert load_scene(tmp_path / "map01.h5", frames=False).room_type == "base"
+    before = (tmp_path / "map01.h5").stat().st_mtime_ns
+    main()
+    assert "kept as it was" in capsys.readouterr().out
+    assert (tmp_path / "map01.h5").stat().st_mtime_ns == before
 
 
 def test_without_the_engine_one_sentence_says_what_to_install(monkeypatch):
