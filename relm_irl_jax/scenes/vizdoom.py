@@ -184,7 +184,7 @@ class _Walker:
         return tuple(self._walks_ahead(Pose(x, z, heading)) for heading in HEADINGS)
 
     def _walks_ahead(self, pose: Pose) -> bool:
-        self._advance([0, 0], STOPPING_TICS)  # a warp does not take speed away
+        self._advance([0, 0], STOPPING_TICS, report=False)  # a warp does not take speed away
         self._warp(pose)
         self._turn(pose)
         if not self._at_rest():
@@ -224,15 +224,16 @@ class _Walker:
     def _warp(self, pose: Pose) -> None:
         self._game.send_game_command(f"warp {pose.x * self._units:.6f} {pose.z * self._units:.6f}")
         self._game.send_game_command(f"fov {self._lens}")
-        self._advance([0, 0], SETTLING_TICS)
+        self._advance([0, 0], SETTLING_TICS, report=False)
 
     def _turn(self, pose: Pose) -> None:
-        self._advance([0, pose.rotation - self._pose().rotation], 1)
+        self._advance([0, pose.rotation - self._pose().rotation], 1, report=False)
         self._advance([0, 0], 1)
 
-    def _advance(self, action: list[float], tics: int) -> None:
+    def _advance(self, action: list[float], tics: int, *, report: bool = True) -> None:
+        """Let time pass; without a report, which takes as long as many tics, pose and picture stay those before."""
         self._game.set_action(action)
-        self._game.advance_action(tics, True)
+        self._game.advance_action(tics, report)
 
     def _at_rest(self) -> bool:
         """Whether eye height and lens have settled; a player that did not fit where it was sent hangs elsewhere."""
