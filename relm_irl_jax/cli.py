@@ -164,22 +164,22 @@ def _dispatch(arguments: list[str]) -> None:
         that its folder holds. What the folder already holds is not trained again, and a training that was cut off goes
         on from its last checkpoint.
         """
-        folder, results = run(config)
-        _show(results, folder.path)
+        folder = run(config)
+        _show(read_results(folder), folder.path)
 
     @app.command
     def evaluate(command: Annotated[Evaluate, tyro.conf.arg(name="")]) -> None:
         """Evaluate the agents of a run on a task."""
         folder, config = find_run(command.run)
-        _show(evaluate_run(config, folder, command.task), folder.path)
+        evaluate_run(config, folder, command.task)
+        _show(read_results(folder), folder.path)
 
     @app.command
     def report(command: Annotated[Report, tyro.conf.arg(name="")]) -> None:
         """Write the report of a run again."""
         folder, config = find_run(command.run)
-        results = read_results(folder)
-        write_report(folder, config, results)
-        _show(results, folder.path)
+        write_report(folder, config)
+        _show(read_results(folder), folder.path)
 
     @app.command
     def play(command: Annotated[Play, tyro.conf.arg(name="")]) -> None:

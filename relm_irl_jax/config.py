@@ -3,6 +3,7 @@
 import hashlib
 import json
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
@@ -107,9 +108,27 @@ def config_from_record(record: dict[str, Any], origin: str) -> Config:
     Raises:
         InputError: a field is unknown or its value is refused.
     """
-    _refuse_unknown(record, config_record(Config()), origin, "")
+    return overlay(Config(), record, origin)
+
+
+def overlay(config: Config, record: Mapping[str, Any], origin: str) -> Config:
+    """Change some fields of a configuration.
+
+    Args:
+        config: the configuration.
+        record: nested dictionaries of the fields to change.
+        origin: file named in errors.
+
+    Returns:
+        The configuration in which all other fields are as before.
+
+    Raises:
+        InputError: a field is unknown or its value is refused.
+    """
+    whole = config_record(config)
+    _refuse_unknown(record, whole, origin, "")
     try:
-        return _ADAPTER.validate_python(record)
+        return _ADAPTER.validate_python(_merged(whole, record))
     except ValidationError as error:
         raise InputError(f"{origin}: {first_fault(error)}") from error
 
@@ -126,14 +145,28 @@ def load_config(path: Path) -> Config:
     Raises:
         InputError: the file cannot be read, or a field in it is unknown or refused.
     """
+    return config_from_record(read_record(path), str(path))
+
+
+def read_record(path: Path) -> dict[str, Any]:
+    """Read the fields that a TOML or JSON file sets.
+
+    Args:
+        path: the file.
+
+    Returns:
+        Nested dictionaries.
+
+    Raises:
+        InputError: the file cannot be read.
+    """
     try:
         text = path.read_text()
-        record = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
+        return json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); give an existing file.") from error
     except ValueError as error:
         raise InputError(f"{path}: is not valid {path.suffix.lstrip('.').upper()} ({error}); mend it.") from error
-    return config_from_record(record, str(path))
 
 
 def first_fault(error: ValidationError) -> str:
@@ -181,11 +214,16 @@ def _flat(record: dict[str, Any], prefix: str) -> dict[str, Any]:
     return flat
 
 
-def _refuse_unknown(record: dict[str, Any], known: dict[str, Any], origin: str, prefix: str) -> None:
+def _merged(whole: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, Any]:
+    groups = {key: _merged(whole[key], value) for key, value in change.items() if isinstance(whole[key], Mapping)}
+    return {**whole, **change, **groups}
+
+
+def _refuse_unknown(record: Mapping[str, Any], known: dict[str, Any], origin: str, prefix: str) -> None:
     for key, value in record.items():
         if key not in known:
             raise InputError(f"{origin}: unknown field `{prefix}{key}`; known here are {', '.join(known)}.")
         if isinstance(known[key], dict):
-            if not isinstance(value, dict):
+            if not isinstance(value, Mapping):
                 raise InputError(f"{origin}: `{prefix}{key}` is a group of fields; write `{prefix}{key}.FIELD`.")
             _refuse_unknown(value, known[key], origin, f"{prefix}{key}.")

@@ -3,17 +3,20 @@
 A stage whose result lies in the run folder is not run again.
 """
 
+import json
 import time
+from collections.abc import Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from pathlib import Path
 
 from relm_irl_jax.cluster import join
-from relm_irl_jax.config import Config, Method
+from relm_irl_jax.config import Config, Method, Task
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.report.page import machine, write_report
 from relm_irl_jax.runs import RunFolder, open_run, write_json
 from relm_irl_jax.scenes.catalog import check_source
-from relm_irl_jax.stages.encoding import encode_training
+from relm_irl_jax.stages.encoding import EncodedScenes, encode_training
 from relm_irl_jax.stages.evaluating import evaluate_task
 from relm_irl_jax.stages.learning import learn
 from relm_irl_jax.stages.playing import map_episodes
@@ -24,28 +27,36 @@ LEARNED: tuple[Method, ...] = ("irl", "elm-irl", "relm-irl")
 """Methods whose reward is learned from demonstrations."""
 
 
-@dataclass
+@dataclass(frozen=True)
 class Stopwatch:
-    """Seconds that each stage took."""
+    """Seconds that each stage took, in all calls together, kept in the run folder with the machine.
 
-    seconds: dict[str, float] = field(default_factory=dict)
+    Attributes:
+        path: the file, `machine.json`.
+    """
+
+    path: Path
 
     @contextmanager
     def __call__(self, stage: str):
         """Time a block under the name of a stage."""
         begun = time.perf_counter()
         yield
-        self.seconds[stage] = round(self.seconds.get(stage, 0.0) + time.perf_counter() - begun, 2)
+        before = json.loads(self.path.read_text())["seconds"] if self.path.exists() else {}
+        passed = round(before.get(stage, 0.0) + time.perf_counter() - begun, 2)
+        write_json(self.path, machine() | {"seconds": before | {stage: passed}})
 
 
-def run(config: Config) -> tuple[RunFolder, dict]:
-    """Train what is not yet trained, evaluate the configuration's task and write the report.
+def run(config: Config, tasks: Sequence[Task] = (), encoded: EncodedScenes | None = None) -> RunFolder:
+    """Train what is not yet trained, evaluate the agents and write the report.
 
     Args:
         config: the configuration.
+        tasks: tasks to evaluate; the configuration's where empty.
+        encoded: the training scenes, where they are encoded already.
 
     Returns:
-        The run folder and the contents of its `results.json`.
+        The run folder.
 
     Raises:
         InputError: the configuration, the scenes or the run folder cannot be used.
@@ -59,9 +70,10 @@ def run(config: Config) -> tuple[RunFolder, dict]:
             "siamese.heads: scene leaves the unseen scenes of task III without a head; use room_type or shared."
         )
     folder = open_run(config)
-    stopwatch = Stopwatch()
-    with stopwatch("scenes and features"):
-        encoded = encode_training(config)
+    stopwatch = Stopwatch(folder.file("machine.json"))
+    if encoded is None:
+        with stopwatch("scenes and features"):
+            encoded = encode_training(config)
     for seed in range(config.seeds):
         split = draw_split(encoded.scenes, (), config.tasks, seed)
         missing = [m for m in config.chosen_methods() if m != "random" and not folder.agent(m, seed).exists()]
@@ -72,32 +84,26 @@ def run(config: Config) -> tuple[RunFolder, dict]:
         for method in missing:
             with stopwatch(f"training {method}"):
                 train_method(config, method, seed, encoded.scenes, split, learned, folder)
-    with stopwatch("evaluation"):
-        results = evaluate_task(config, folder, encoded, config.task)
-        map_episodes(config, folder, encoded, _shown(results), config.task)
-    write_json(folder.file("machine.json"), machine() | {"seconds": stopwatch.seconds})
-    write_report(folder, config, results)
-    return folder, results
+    for task in tasks or (config.task,):
+        with stopwatch("evaluation"):
+            _evaluate(config, folder, encoded, task)
+    write_report(folder, config)
+    return folder
 
 
-def evaluate_run(config: Config, folder: RunFolder, task: str) -> dict:
+def _evaluate(config: Config, folder: RunFolder, encoded: EncodedScenes, task: Task) -> None:
+    """Evaluate the agents and map episodes of the last method, which is the paper's where it was trained."""
+    rows = evaluate_task(config, folder, encoded, task)["rows"]
+    map_episodes(config, folder, encoded, rows[-1]["method"], task)
+
+
+def evaluate_run(config: Config, folder: RunFolder, task: Task) -> None:
     """Evaluate the agents of a run folder on a task and write the report.
 
     Args:
         config: the configuration as run.
         folder: the run folder.
         task: `I`, `II` or `III`.
-
-    Returns:
-        The contents of `results.json`.
     """
-    encoded = encode_training(config)
-    results = evaluate_task(config, folder, encoded, task)
-    map_episodes(config, folder, encoded, _shown(results), task)
-    write_report(folder, config, results)
-    return results
-
-
-def _shown(results: dict) -> Method:
-    """The method whose episodes the report shows: the last one evaluated, which is the paper's where it was."""
-    return results["rows"][-1]["method"]
+    _evaluate(config, folder, encode_training(config), task)
+    write_report(folder, config)

@@ -8,7 +8,9 @@
     tensorboard/METHOD-seed-S/       the learning curve for TensorBoard
     rewards/seed-S/                  basis, demonstrated weights, fitted machines, quality of the rewards
     results-TASK.json, results.json  metrics for each task, and of the task evaluated last
-    report.html, report.md, figures/ the same for people
+    tables/                          the report's tables as CSV
+    figures/                         its figures, and what each shows as CSV beside it
+    report.html, report.md           all of it for people
 
 Every file appears whole or not at all.
 """
@@ -18,7 +20,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from flax.traverse_util import flatten_dict, unflatten_dict
@@ -26,7 +28,7 @@ from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
 from relm_irl_jax.agent.learning import Parameters
-from relm_irl_jax.config import Config, config_record, fingerprint, load_config, trained_part
+from relm_irl_jax.config import Config, Task, config_record, fingerprint, load_config, trained_part
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.files import write_bytes
 
@@ -136,6 +138,31 @@ def read_results(folder: RunFolder) -> dict[str, Any]:
         return json.loads(path.read_text())
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: cannot be read ({error}); run `relm-irl evaluate {folder.path}`.") from error
+
+
+def read_all_results(folder: RunFolder) -> dict[str, dict[str, Any]]:
+    """Read the metrics of every task evaluated.
+
+    Args:
+        folder: the run folder.
+
+    Returns:
+        Contents of each `results-TASK.json`, by task.
+
+    Raises:
+        InputError: nothing was evaluated yet, or a file is damaged.
+    """
+    found = {}
+    for task in get_args(Task):
+        path = folder.path / f"results-{task}.json"
+        if path.exists():
+            try:
+                found[task] = json.loads(path.read_text())
+            except ValueError as error:
+                raise InputError(f"{path}: cannot be read ({error}); remove it and evaluate again.") from error
+    if not found:
+        raise InputError(f"{folder.path}: holds no results; run `relm-irl evaluate {folder.path}`.")
+    return found
 
 
 def write_json(path: Path, value: Any) -> None:

@@ -41,6 +41,12 @@ def test_refusals_name_file_and_field(tmp_path, text, message):
         load_config(tmp_path / "c.toml")
 
 
+def test_a_file_that_names_one_field_of_a_group_leaves_its_neighbours(tmp_path):
+    (tmp_path / "c.toml").write_text('[irl.program]\nvariant = "lp-l1"')
+    program = load_config(tmp_path / "c.toml").irl.program
+    assert program == replace(Config().irl.program, variant="lp-l1")
+
+
 def test_a_missing_file_is_named(tmp_path):
     with pytest.raises(InputError, match=r"absent\.toml: cannot be read"):
         load_config(tmp_path / "absent.toml")

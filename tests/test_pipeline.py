@@ -57,6 +57,8 @@ def test_the_run_leaves_what_it_promises(first, folder):
     assert page.count("data:image/png;base64,") == len(list((folder / "one" / "figures").glob("*.png")))
     assert 'src="figures' not in page
     assert (folder / "one" / "figures" / "episodes-II.png").exists()
+    for figure in (folder / "one" / "figures").glob("*.png"):
+        assert read_table(figure.with_suffix(".csv")), f"{figure.name} has no table"
     quality = read_table(folder / "one" / "rewards" / "seed-0" / "quality.csv")
     assert {"irl", "elm-irl", "relm-irl"} == set(quality["method"])
 
@@ -120,7 +122,7 @@ def test_the_metric_agent_runs_through_the_same_chain(first, folder, monkeypatch
     assert float(read_table(folder / "metric" / "curves" / "irl-seed-0.csv")["states_met"][-1]) > 0.9
     for room_type in ("bathroom", "bedroom", "living_room"):
         assert (folder / "metric" / "figures" / f"distance-II-{room_type}.png").stat().st_size > 0
-        assert "RELM-IRL" in read_table(folder / "metric" / "distances" / f"II-{room_type}.csv")
+        assert "RELM-IRL" in read_table(folder / "metric" / "figures" / f"distance-II-{room_type}.csv")
     assert "metric agent (hindsight: strict)" in (folder / "metric" / "report.md").read_text()
     in_process(monkeypatch, folder, "play", "metric", "--method", "rl")
 

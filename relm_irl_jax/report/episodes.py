@@ -35,9 +35,39 @@ def episode_maps(episodes: Sequence[tuple[Scene, Int32[np.ndarray, "steps+1"], i
     return figure
 
 
+def episode_table(episodes: Sequence[tuple[Scene, Int32[np.ndarray, "steps+1"], int]]) -> dict[str, list]:
+    """What the maps show, as a table.
+
+    Args:
+        episodes: scene, the states walked, and the target's state.
+
+    Returns:
+        Columns: scene, what the row is (a free place, the way taken, a shortest way, the target), the step along a way,
+        place in metres, and heading in degrees.
+    """
+    rows = []
+    for scene, states, target in episodes:
+        for kind, drawn in (
+            ("place", np.unique(scene.location, axis=0, return_index=True)[1]),
+            ("taken", states),
+            ("shortest", _shortest(scene, states, target)),
+            ("target", [target]),
+        ):
+            steps = range(len(drawn)) if kind in ("taken", "shortest") else [""] * len(drawn)
+            rows += [
+                (scene.name, kind, step, *scene.location[state].tolist(), float(scene.rotation[state]))
+                for step, state in zip(steps, drawn, strict=True)
+            ]
+    return dict(zip(("scene", "kind", "step", "x", "z", "rotation"), map(list, zip(*rows, strict=True)), strict=True))
+
+
+def _shortest(scene: Scene, states: Int32[np.ndarray, "steps+1"], target: int) -> Int32[np.ndarray, "least+1"]:
+    """States along a shortest way from where the walk began."""
+    return walk(scene, shortest_path_expert(scene, target), int(states[0])).states
+
+
 def _map(panel: Axes, scene: Scene, states: Int32[np.ndarray, "steps+1"], target: int) -> None:
-    expert = shortest_path_expert(scene, target)
-    shortest = walk(scene, expert, int(states[0])).states
+    shortest = _shortest(scene, states, target)
     corners = np.unique(scene.location, axis=0) - 0.46 * GRID_STEP
     squares = [Rectangle((x, z), 0.92 * GRID_STEP, 0.92 * GRID_STEP) for x, z in corners]
     panel.add_collection(PatchCollection(squares, facecolor="#e8e8e8", edgecolor="none"))

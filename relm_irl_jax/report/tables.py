@@ -46,6 +46,48 @@ def columns_of(rows: Sequence[dict]) -> tuple[str, ...]:
     return (*ordered, "mean")
 
 
+def summarise(values: Sequence[float]) -> Cell:
+    """Mean and 95% interval of one value a seed.
+
+    Args:
+        values: the values.
+
+    Returns:
+        The cell; the interval is Student's t with one degree of freedom less than values, NaN where that is none.
+    """
+    if len(values) < 2:
+        return Cell(float(np.mean(values)) if values else np.nan, np.nan)
+    error = np.std(values, ddof=1) / np.sqrt(len(values))
+    return Cell(float(np.mean(values)), float(student.ppf(0.975, len(values) - 1) * error))
+
+
+def by_seed(rows: Sequence[dict], method: str, metric: str, column: str) -> dict[int, float]:
+    """One value a seed: the mean over the scenes of a room type, or over room types.
+
+    Args:
+        rows: rows of `results.json`.
+        method: method.
+        metric: `sr`, `ple` or `spl`.
+        column: room type, or `mean` for the mean over room types.
+
+    Returns:
+        Values by seed.
+    """
+    own = [row for row in rows if row["method"] == method]
+    room_types = [name for name in columns_of(rows)[:-1] if column in (name, "mean")]
+    return {
+        seed: float(
+            np.mean(
+                [
+                    np.mean([row[metric] for row in own if row["seed"] == seed and row["room_type"] == name])
+                    for name in room_types
+                ]
+            )
+        )
+        for seed in sorted({row["seed"] for row in own})
+    }
+
+
 def cell(rows: Sequence[dict], method: str, metric: str, column: str) -> Cell:
     """Summarise one method, metric and column.
 
@@ -58,21 +100,26 @@ def cell(rows: Sequence[dict], method: str, metric: str, column: str) -> Cell:
     Returns:
         The cell; NaN where there are no rows.
     """
-    own = [row for row in rows if row["method"] == method]
-    by_seed = []
-    for seed in sorted({row["seed"] for row in own}):
-        means = [
-            np.mean([row[metric] for row in own if row["seed"] == seed and row["room_type"] == name])
-            for name in columns_of(rows)[:-1]
-            if column in (name, "mean")
-        ]
-        by_seed.append(np.mean(means))
-    if not by_seed:
-        return Cell(np.nan, np.nan)
-    if len(by_seed) == 1:
-        return Cell(float(by_seed[0]), np.nan)
-    error = np.std(by_seed, ddof=1) / np.sqrt(len(by_seed))
-    return Cell(float(np.mean(by_seed)), float(student.ppf(0.975, len(by_seed) - 1) * error))
+    return summarise(list(by_seed(rows, method, metric, column).values()))
+
+
+def separate_best(rows: Sequence[dict], metric: str, column: str) -> str | None:
+    """The best method, where its interval lies apart from every other one's.
+
+    Args:
+        rows: rows of `results.json`.
+        metric: `sr`, `ple` or `spl`.
+        column: room type or `mean`.
+
+    Returns:
+        The method; None where intervals overlap, or there are none.
+    """
+    sign = -1.0 if metric == "ple" else 1.0
+    cells = {method: cell(rows, method, metric, column) for method in methods_of(rows)}
+    best = max(cells, key=lambda method: sign * cells[method].mean)
+    least = sign * cells[best].mean - cells[best].half_width
+    others = [sign * c.mean + c.half_width for method, c in cells.items() if method != best]
+    return best if others and all(least > other for other in others) else None
 
 
 def methods_of(rows: Sequence[dict]) -> list[str]:
@@ -88,7 +135,8 @@ def methods_of(rows: Sequence[dict]) -> list[str]:
     return [name for name in METHOD_NAMES if name in found]
 
 
-def _readable(column: str) -> str:
+def readable(column: str) -> str:
+    """A column's name as a heading."""
     return column.replace("_", " ").capitalize()
 
 
@@ -104,7 +152,7 @@ def console_table(results: dict) -> Table:
     rows = results["rows"]
     columns = columns_of(rows)
     table = Table(title=f"Task {results['task']}: cap {results['cap']}, encoder {results['encoder']}")
-    for heading in ("Method", "Metric", *map(_readable, columns)):
+    for heading in ("Method", "Metric", *map(readable, columns)):
         table.add_column(heading, justify="left" if heading in ("Method", "Metric") else "right")
     for method in methods_of(rows):
         for position, metric in enumerate(METRICS):
@@ -129,14 +177,41 @@ def markdown_table(results: dict) -> str:
     rows = results["rows"]
     columns = columns_of(rows)
     paper = PAPER[results["task"]]
-    lines = ["| Method | Metric | " + " | ".join(map(_readable, columns)) + " |", "|---|---|" + "---:|" * len(columns)]
+    lines = ["| Method | Metric | " + " | ".join(map(readable, columns)) + " |", "|---|---|" + "---:|" * len(columns)]
     for method in methods_of(rows):
         for metric in METRICS:
             cells = []
             for column in columns:
                 text = str(cell(rows, method, metric, column))
+                if separate_best(rows, metric, column) == method:
+                    text = f"**{text}**"
                 if method in paper and column in COLUMNS:
                     text += f" ({paper[method][metric][COLUMNS.index(column)]:.2f})"
                 cells.append(text)
             lines.append(f"| {METHOD_NAMES[method]} | {METRIC_NAMES[metric]} | " + " | ".join(cells) + " |")
     return "\n".join(lines)
+
+
+def table_columns(results: dict) -> dict[str, list]:
+    """The table as columns, one row for each method, metric and room type.
+
+    Args:
+        results: contents of `results.json`.
+
+    Returns:
+        Columns for `write_table`: the mean, half of the 95% interval, the number of seeds, whether the value is best by
+        intervals that lie apart, and the paper's number.
+    """
+    rows, paper = results["rows"], PAPER[results["task"]]
+    table = []
+    for method in methods_of(rows):
+        for metric in METRICS:
+            for column in columns_of(rows):
+                values = list(by_seed(rows, method, metric, column).values())
+                shown = summarise(values)
+                printed = method in paper and column in COLUMNS
+                theirs = paper[method][metric][COLUMNS.index(column)] if printed else np.nan
+                best = separate_best(rows, metric, column) == method
+                table.append((method, metric, column, shown.mean, shown.half_width, len(values), best, theirs))
+    names = ("method", "metric", "column", "mean", "half_width", "seeds", "best", "paper")
+    return dict(zip(names, map(list, zip(*table, strict=True)), strict=True))

@@ -2,19 +2,27 @@
 
 import dataclasses
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
 from relm_irl_jax.config import Config
 from relm_irl_jax.features.cache import encode_cached
 from relm_irl_jax.features.encoder import Encoder, make_encoder
-from relm_irl_jax.scenes.catalog import ROOMS, cache_folder, training_scenes, unseen_scenes, without_views
+from relm_irl_jax.scenes.catalog import (
+    ROOMS,
+    SceneSettings,
+    cache_folder,
+    training_scenes,
+    unseen_scenes,
+    without_views,
+)
 from relm_irl_jax.scenes.scene import Scene
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class EncodedScenes:
-    """Scenes with features, and what encoded them.
+    """Scenes with features, and what encoded them; each is equal to itself alone.
 
     Attributes:
         scenes: the scenes, without their views.
@@ -56,7 +64,12 @@ def encode_unseen(config: Config, training: EncodedScenes) -> list[Scene]:
     Returns:
         The unseen scenes with features.
     """
-    scenes = unseen_scenes(config.scenes, config.scene)
+    return _encode_unseen(config.scenes, config.scene, training)
+
+
+@lru_cache(maxsize=1)
+def _encode_unseen(source: str, settings: SceneSettings, training: EncodedScenes) -> list[Scene]:
+    scenes = unseen_scenes(source, settings)
     if training.encoder is None:
         return [without_views(scene) for scene in scenes]
     return [_encoded(scene, training.encoder) for scene in scenes]

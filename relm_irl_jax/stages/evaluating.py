@@ -10,9 +10,10 @@ from relm_irl_jax.agent.siamese.train import network_of
 from relm_irl_jax.config import METHODS, Config, Method
 from relm_irl_jax.evaluation import MetricPolicy, Policy, RandomPolicy, evaluate, metric_policy, metrics, network_policy
 from relm_irl_jax.progress import progress_bar
-from relm_irl_jax.report.figures import distance_maps, save_figure
+from relm_irl_jax.report.figures import save_figure
+from relm_irl_jax.report.maps import distance_maps, map_table
 from relm_irl_jax.report.tables import METHOD_NAMES
-from relm_irl_jax.runs import RunFolder, load_parameters, write_json, write_table
+from relm_irl_jax.runs import RunFolder, load_parameters, write_json
 from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.stages.encoding import EncodedScenes, encode_unseen
 from relm_irl_jax.stages.training import head_numbers, world_of
@@ -116,7 +117,5 @@ def _map_distances(
             maps[METHOD_NAMES[method]] = np.asarray(
                 distance(policy.places.here[own], policy.wanted[row], policy.settings), float
             )
-        table = {"x": scene.location[:, 0], "z": scene.location[:, 1], "rotation": scene.rotation, **maps}
-        write_table(folder.file("distances", f"{task}-{scene.room_type}.csv"), table)
-        figure = distance_maps(scene, target, maps)
-        save_figure(figure, folder.file("figures", f"distance-{task}-{scene.room_type}.png"))
+        path = folder.file("figures", f"distance-{task}-{scene.room_type}.png")
+        save_figure(distance_maps(scene, target, maps), path, map_table(scene, maps))

@@ -8,7 +8,8 @@ import numpy as np
 from relm_irl_jax.config import Config, Method
 from relm_irl_jax.elm import ELMRegressor, save_elm
 from relm_irl_jax.irl import reward
-from relm_irl_jax.report.figures import reward_maps, save_figure
+from relm_irl_jax.report.figures import save_figure
+from relm_irl_jax.report.maps import map_table, reward_maps
 from relm_irl_jax.report.tables import METHOD_NAMES
 from relm_irl_jax.rewards.demonstrations import DemonstratedReward, RewardBasis, fit_basis, learn_rewards
 from relm_irl_jax.rewards.prediction import fit_machine, pair_data, pair_inputs
@@ -73,13 +74,12 @@ def learn(config: Config, scenes: Sequence[Scene], split: TaskSplit, seed: int, 
         curve = {"neurons": neurons, "mean_squared_error": regularised.press_curve_}
         write_table(folder.rewards(seed, "press.csv"), curve)
     _judge_rewards(scenes, split, learned, seed, folder)
-    _map_rewards(scenes, split, learned, seed, folder)
+    if seed == 0:
+        _map_rewards(scenes, split, learned, folder)
     return learned
 
 
-def _map_rewards(
-    scenes: Sequence[Scene], split: TaskSplit, learned: LearnedRewards, seed: int, folder: RunFolder
-) -> None:
+def _map_rewards(scenes: Sequence[Scene], split: TaskSplit, learned: LearnedRewards, folder: RunFolder) -> None:
     """Map r(s) of every learned reward over one room of each type, for a trained and for a new target."""
     demonstrated = {record.target: record.solution.w for record in learned.records if record.trained}
     first_scene = {scene.room_type: number for number, scene in reversed(list(enumerate(scenes)))}
@@ -93,11 +93,8 @@ def _map_rewards(
             weights |= {METHOD_NAMES[m]: machine_.predict(pair)[0] for m, machine_ in learned.machines.items()}
             phi = learned.basis(scene.encoded)
             values = {title: reward(phi, target.state, w) for title, w in weights.items()}
-            table = {"x": scene.location[:, 0], "z": scene.location[:, 1], "rotation": scene.rotation, **values}
-            write_table(folder.rewards(seed, f"map-{name}-{room_type}.csv"), table)
-            if seed == 0:
-                figure = reward_maps(scene, target.state, start, values)
-                save_figure(figure, folder.file("figures", f"reward-{name}-{room_type}.png"))
+            path = folder.file("figures", f"reward-{name}-{room_type}.png")
+            save_figure(reward_maps(scene, target.state, start, values), path, map_table(scene, values))
 
 
 def _judge_rewards(

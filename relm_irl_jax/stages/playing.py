@@ -15,7 +15,7 @@ from relm_irl_jax.env import Episode, scene_lanes
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.evaluation import Policy
 from relm_irl_jax.progress import progress_bar
-from relm_irl_jax.report.episodes import episode_maps
+from relm_irl_jax.report.episodes import episode_maps, episode_table
 from relm_irl_jax.report.figures import save_figure
 from relm_irl_jax.report.tables import METHOD_NAMES
 from relm_irl_jax.runs import RunFolder
@@ -100,7 +100,9 @@ def map_episodes(
     for scene, walk in walks_of(config, folder, training, method, task, seed, 0):
         first.setdefault(scene.room_type, (scene, walk.states, walk.target))
     title = f"{METHOD_NAMES[method]}, Task {task}: first episodes"
-    save_figure(episode_maps(list(first.values()), title), folder.file("figures", f"episodes-{task}.png"))
+    episodes = list(first.values())
+    path = folder.file("figures", f"episodes-{task}.png")
+    save_figure(episode_maps(episodes, title), path, episode_table(episodes))
 
 
 def walks_of(
