@@ -13,7 +13,7 @@ FRAMES ?=
 RUN    ?=
 ARGS   ?=
 
-.PHONY: help setup train evaluate test smoke lint bench lock clean
+.PHONY: help setup train evaluate test smoke lint bench paper notebooks lock clean
 help:  ## Show this help.
 	@grep -hE '^[a-z]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 12
 
@@ -45,6 +45,12 @@ lint: $(STAMP)  ## Style and types.
 
 bench: $(STAMP)  ## Benchmarks: BENCH=agent|scaling|elm|irl|encoder.
 	@$(BIN)/relm-irl bench $(BENCH) $(ARGS)
+
+paper: $(STAMP)  ## Every table and figure: PIECE=siamese|metric|elm|stability|ablation|report VARIANT= QUICK=1.
+	@$(BIN)/python experiments/paper.py $(if $(PIECE),--pieces $(PIECE)) $(if $(VARIANT),--variants $(VARIANT)) $(if $(QUICK),--quick) $(ARGS)
+
+notebooks: $(STAMP)  ## Run the notebooks of experiments/notebooks.
+	@$(BIN)/python -m pytest --nbmake --nbmake-timeout=300 -n0 -p no:cacheprovider experiments/notebooks
 
 lock:  ## Resolve pyproject.toml into requirements.lock (needs uv).
 	uv pip compile pyproject.toml --extra dev --universal --python-version 3.11 --generate-hashes \

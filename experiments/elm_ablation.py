@@ -3,9 +3,11 @@
     .venv/bin/python experiments/elm_ablation.py --out runs/elm-ablation
 
 One target in six is held out with all its pairs, so that accuracy is measured on targets that the machine never saw.
-Everything drawn is kept as CSV beside the figure.
+Everything drawn is kept as CSV beside the figure; bars are 95% intervals over seeds (Student's t).
 """
 
+import json
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -14,21 +16,21 @@ import tyro
 from matplotlib.figure import Figure
 from rich.console import Console
 
-from relm_irl_jax.config import Config
-from relm_irl_jax.elm.ablation import (
-    PAPER_SIZES,
-    Predictions,
-    SizeCurve,
-    accuracy_by_size,
-    before_and_after,
-    leave_one_out_curve,
-)
-from relm_irl_jax.report.figures import press_figure, save_figure
+from relm_irl_jax.config import Config, config_record
+from relm_irl_jax.elm.ablation import PAPER_SIZES, accuracy_by_size, before_and_after, leave_one_out_curve
+from relm_irl_jax.errors import InputError
+from relm_irl_jax.report.curves import thousands
+from relm_irl_jax.report.figures import press_columns, press_figure, save_figure
+from relm_irl_jax.report.tables import summarise
 from relm_irl_jax.rewards.demonstrations import fit_basis, learn_rewards
 from relm_irl_jax.rewards.prediction import PairData, pair_data
-from relm_irl_jax.runs import write_table
+from relm_irl_jax.runs import read_table, write_json, write_table
+from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.stages.encoding import encode_training
 from relm_irl_jax.tasks import draw_split
+
+DRAWN = 8000
+"""Points of Figures 8 and 10, drawn at random from all weights of all test pairs."""
 
 
 @dataclass(frozen=True)
@@ -37,27 +39,25 @@ class Ablation:
 
     out: Path = Path("runs/elm-ablation")
     """Folder for figures and tables."""
-    seed: int = 0
-    """Seed of targets, demonstrations and hidden layers."""
-    hidden: int = 1950
-    """Neurons before selection."""
+    seeds: int = 3
+    """Number of seeds of targets, demonstrations and hidden layers; those that the folder holds are not run again."""
     sizes: tuple[int, ...] = PAPER_SIZES
     """Numbers of neurons of Figure 7."""
     config: Config = field(default_factory=Config)
-    """Scenes, demonstrations and inverse reinforcement learning."""
+    """Scenes, demonstrations, inverse reinforcement learning, and the machine."""
 
 
-def held_out_pairs(config: Config, seed: int) -> tuple[PairData, PairData]:
+def held_out_pairs(config: Config, scenes: Sequence[Scene], seed: int) -> tuple[PairData, PairData]:
     """Learn rewards and split their pairs by target.
 
     Args:
-        config: scenes, demonstrations, inverse reinforcement learning, and the most pairs.
+        config: demonstrations, inverse reinforcement learning, and the most pairs.
+        scenes: encoded training scenes.
         seed: the run's seed.
 
     Returns:
         Pairs to fit on, and pairs of other targets to test on.
     """
-    scenes = encode_training(config).scenes
     split = draw_split(scenes, (), config.tasks, seed)
     basis = fit_basis(scenes, config.irl.dimension)
     records = learn_rewards(scenes, split, basis, config.irl, seed)
@@ -68,35 +68,77 @@ def held_out_pairs(config: Config, seed: int) -> tuple[PairData, PairData]:
     return fitted, tested
 
 
-def size_figure(curve: SizeCurve) -> Figure:
+def measure(settings: Ablation, scenes: Sequence[Scene], seed: int, folder: Path) -> None:
+    """Fit the machines of one seed and keep what the figures show.
+
+    Args:
+        settings: the ablation.
+        scenes: encoded training scenes.
+        seed: the seed.
+        folder: folder for the tables; the last one written says that all are there.
+    """
+    fitted, tested = held_out_pairs(settings.config, scenes, seed)
+    data = (fitted.inputs, fitted.weights, tested.inputs, tested.weights)
+    elm = settings.config.elm
+    hidden = elm.hidden
+    predictions, model = before_and_after(
+        *data, n_hidden=hidden, activation=elm.activation, norm=elm.norm, random_state=seed
+    )
+    curve = leave_one_out_curve(model)
+    sizes = accuracy_by_size(*data, sizes=settings.sizes, activation=elm.activation, random_state=seed)
+    write_table(folder / "sizes.csv", {"neurons": sizes.sizes, "test_r2": sizes.test, "train_r2": sizes.train})
+    drawn = np.random.default_rng(seed).permutation(predictions.truth.size)[:DRAWN]
+    points = {"truth": predictions.truth, "elm": predictions.plain, "relm": predictions.regularised}
+    write_table(folder / "points.csv", {name: values.ravel()[drawn] for name, values in points.items()})
+    write_table(folder / "press.csv", {"mean_squared_error": curve.error})
+    accuracy = {"fitted": [len(fitted.inputs)], "tested": [len(tested.inputs)], "elm_r2": [predictions.plain_accuracy]}
+    accuracy |= {"relm_r2": [predictions.regularised_accuracy], "kept": [predictions.kept]}
+    write_table(folder / "accuracy.csv", accuracy)
+
+
+def numbers(folders: Sequence[Path], table: str, column: str) -> np.ndarray:
+    """One column of a table of every seed, one row a seed."""
+    return np.stack([np.asarray(read_table(folder / table)[column], float) for folder in folders])
+
+
+def draw_sizes(folders: Sequence[Path], path: Path) -> None:
     """Figure 7: accuracy against hidden neurons."""
-    figure = Figure(figsize=(5.2, 3.4), layout="constrained")
+    sizes = numbers(folders[:1], "sizes.csv", "neurons")[0]
+    figure = Figure(figsize=(5.6, 3.6), layout="constrained")
     axes = figure.subplots()
-    axes.plot(curve.sizes, curve.test, "o-", label="held-out targets")
-    axes.plot(curve.sizes, curve.train, "o-", label="fitted pairs", alpha=0.5)
-    axes.set(xlabel="hidden neurons", ylabel="R²", ylim=(min(0.0, max(-1.0, curve.test.min())) - 0.05, 1.05))
+    table = {"neurons": sizes}
+    for column, label in (("test_r2", "held-out targets"), ("train_r2", "fitted pairs")):
+        cells = [summarise(list(values)) for values in numbers(folders, "sizes.csv", column).T]
+        mean, error = (np.asarray([getattr(cell, name) for cell in cells]) for name in ("mean", "half_width"))
+        axes.errorbar(sizes, mean, np.nan_to_num(error), fmt="o-", ms=3.5, capsize=2, label=label)
+        table |= {column: mean, f"{column}_half_width": error}
+    axes.set_xscale("symlog", linthresh=100)
+    axes.set(xlabel="hidden neurons", ylabel="R²", ylim=(max(-1.0, min(0.0, table["test_r2"].min())) - 0.05, 1.05))
+    axes.set_xticks([1, 50, 100, 400, 1950, 8000], ["1", "50", "100", "400", "1950", "8000"])
+    axes.grid(alpha=0.25)
     axes.legend(frameon=False)
-    return figure
+    save_figure(figure, path, table)
 
 
-def prediction_figure(predictions: Predictions) -> Figure:
-    """Figures 8 and 10: predicted against true weights, before and after regularisation."""
-    figure = Figure(figsize=(7.4, 3.6), layout="constrained")
-    for axes, values, title in zip(
+def draw_predictions(folders: Sequence[Path], path: Path) -> None:
+    """Figures 8 and 10: predicted against true weights of the first seed, with the R² of all seeds."""
+    points = {name: numbers(folders[:1], "points.csv", name)[0] for name in ("truth", "elm", "relm")}
+    figure = Figure(figsize=(7.4, 3.8), layout="constrained")
+    kept = summarise(numbers(folders, "accuracy.csv", "kept")[:, 0].tolist())
+    for axes, name, title in zip(
         figure.subplots(1, 2, sharex=True, sharey=True),
-        (predictions.plain, predictions.regularised),
-        (
-            f"ELM, R² {predictions.plain_accuracy:.2f}",
-            f"RELM, {predictions.kept} neurons, R² {predictions.regularised_accuracy:.2f}",
-        ),
+        ("elm", "relm"),
+        ("ELM (Figure 8)", f"RELM, {thousands(kept)} neurons (Figure 10)"),
         strict=True,
     ):
-        limit = 1.05 * np.abs(predictions.truth).max()
+        accuracy = summarise(numbers(folders, "accuracy.csv", f"{name}_r2")[:, 0].tolist())
+        limit = 1.05 * np.abs(points["truth"]).max()
         axes.plot([-limit, limit], [-limit, limit], color="#bbbbbb", lw=1)
-        axes.scatter(predictions.truth.ravel()[::7], values.ravel()[::7], s=2, alpha=0.3, rasterized=True)
-        axes.set(title=title, xlabel="true weight", xlim=(-limit, limit), ylim=(-limit, limit))
+        axes.scatter(points["truth"], points[name], s=2, alpha=0.3, rasterized=True)
+        axes.set(title=f"{title}\nR² {accuracy}", xlabel="true weight", xlim=(-limit, limit), ylim=(-limit, limit))
+        axes.title.set_fontsize(10)
     figure.axes[0].set_ylabel("predicted weight")
-    return figure
+    save_figure(figure, path, points)
 
 
 def main(settings: Ablation) -> None:
@@ -104,35 +146,34 @@ def main(settings: Ablation) -> None:
 
     Args:
         settings: what and where.
+
+    Raises:
+        InputError: the folder holds another ablation.
     """
-    console = Console()
-    fitted, tested = held_out_pairs(settings.config, settings.seed)
-    data = (fitted.inputs, fitted.weights, tested.inputs, tested.weights)
-    console.print(f"{len(fitted.inputs)} pairs fitted, {len(tested.inputs)} pairs of other targets tested")
-    predictions, model = before_and_after(*data, n_hidden=settings.hidden, random_state=settings.seed)
-    curve = leave_one_out_curve(model)
-    sizes = accuracy_by_size(*data, sizes=settings.sizes, random_state=settings.seed)
-    out = settings.out
-    write_table(out / "figure-7.csv", {"neurons": sizes.sizes, "test_r2": sizes.test, "train_r2": sizes.train})
-    write_table(
-        out / "figure-8-10.csv",
-        {
-            "truth": predictions.truth.ravel(),
-            "elm": predictions.plain.ravel(),
-            "relm": predictions.regularised.ravel(),
-        },
-    )
-    write_table(
-        out / "figure-9.csv", {"neurons": np.arange(1, len(curve.error) + 1), "mean_squared_error": curve.error}
-    )
-    save_figure(size_figure(sizes), out / "figure-7.png")
-    save_figure(prediction_figure(predictions), out / "figure-8-10.png")
-    save_figure(press_figure(curve.error, curve.best), out / "figure-9.png")
-    best = int(np.argmax(sizes.test))
+    out, console = settings.out, Console()
+    record = {"sizes": list(settings.sizes), "config": config_record(settings.config)}
+    kept = out / "settings.json"
+    if kept.exists() and json.loads(kept.read_text()) != record:
+        raise InputError(f"out: {out} holds an ablation with other settings; give another folder, or remove it.")
+    write_json(kept, record)
+    folders = [out / f"seed-{seed}" for seed in range(settings.seeds)]
+    missing = [seed for seed, folder in enumerate(folders) if not (folder / "accuracy.csv").exists()]
+    if missing:
+        scenes = encode_training(settings.config).scenes
+        for seed in missing:
+            console.print(f"seed {seed}: rewards, then machines of {len(settings.sizes)} sizes")
+            measure(settings, scenes, seed, folders[seed])
+    draw_sizes(folders, out / "figure-7.png")
+    draw_predictions(folders, out / "figure-8-10.png")
+    curves = [np.asarray(read_table(folder / "press.csv")["mean_squared_error"], float) for folder in folders]
+    save_figure(press_figure(curves), out / "figure-9.png", press_columns(curves))
+    accuracy = {name: numbers(folders, "accuracy.csv", name)[:, 0] for name in ("elm_r2", "relm_r2", "kept")}
+    write_table(out / "accuracy.csv", {"seed": range(settings.seeds), **accuracy})
+    cells = {name: summarise(values.tolist()) for name, values in accuracy.items()}
     console.print(
-        f"R² on held-out targets: {predictions.plain_accuracy:.3f} with all {settings.hidden} neurons, "
-        f"{predictions.regularised_accuracy:.3f} with the {predictions.kept} kept; without selection the best is "
-        f"{sizes.test[best]:.3f}, at {sizes.sizes[best]} neurons."
+        f"R² on held-out targets: {cells['elm_r2']} with all {settings.config.elm.hidden} neurons, "
+        f"{cells['relm_r2']} with the {thousands(cells['kept'])} kept.",
+        highlight=False,
     )
     console.print(f"Figures and tables: {out}", highlight=False)
 

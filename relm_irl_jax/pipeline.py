@@ -47,13 +47,16 @@ class Stopwatch:
         write_json(self.path, machine() | {"seconds": before | {stage: passed}})
 
 
-def run(config: Config, tasks: Sequence[Task] = (), encoded: EncodedScenes | None = None) -> RunFolder:
+def run(
+    config: Config, tasks: Sequence[Task] = (), encoded: EncodedScenes | None = None, *, maps: bool = True
+) -> RunFolder:
     """Train what is not yet trained, evaluate the agents and write the report.
 
     Args:
         config: the configuration.
         tasks: tasks to evaluate; the configuration's where empty.
         encoded: the training scenes, where they are encoded already.
+        maps: whether to draw episodes from above.
 
     Returns:
         The run folder.
@@ -86,15 +89,16 @@ def run(config: Config, tasks: Sequence[Task] = (), encoded: EncodedScenes | Non
                 train_method(config, method, seed, encoded.scenes, split, learned, folder)
     for task in tasks or (config.task,):
         with stopwatch("evaluation"):
-            _evaluate(config, folder, encoded, task)
+            _evaluate(config, folder, encoded, task, maps=maps)
     write_report(folder, config)
     return folder
 
 
-def _evaluate(config: Config, folder: RunFolder, encoded: EncodedScenes, task: Task) -> None:
+def _evaluate(config: Config, folder: RunFolder, encoded: EncodedScenes, task: Task, *, maps: bool = True) -> None:
     """Evaluate the agents and map episodes of the last method, which is the paper's where it was trained."""
     rows = evaluate_task(config, folder, encoded, task)["rows"]
-    map_episodes(config, folder, encoded, rows[-1]["method"], task)
+    if maps:
+        map_episodes(config, folder, encoded, rows[-1]["method"], task)
 
 
 def evaluate_run(config: Config, folder: RunFolder, task: Task) -> None:

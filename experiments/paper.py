@@ -1,0 +1,89 @@
+"""Every table and figure of the paper, from scratch; what is finished is kept, so that the same command goes on.
+
+    make paper                                all pieces, then runs/paper/report.html
+    make paper PIECE=metric                   one of siamese, metric, elm, stability, ablation, report
+    make paper PIECE=ablation VARIANT=lp      one variant, and the base that it is compared with
+    make paper QUICK=1                        the same code on tiny rooms, in runs/paper-quick
+
+Tables 1 to 3 and Figures 6 and 11 are of the pieces `siamese` (the paper's agent) and `metric`, Figures 7 to 10 of
+`elm`. The presets lie in experiments/paper.
+"""
+
+import sys
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+import elm_ablation
+import irl_stability
+import tyro
+
+from relm_irl_jax.config import read_record
+from relm_irl_jax.elm.ablation import PAPER_SIZES
+from relm_irl_jax.errors import InputError
+from relm_irl_jax.progress import console
+from relm_irl_jax.studies.ablation import BASE, configure, load_ablation, measure, run_ablation
+from relm_irl_jax.studies.page import write_study
+from relm_irl_jax.studies.study import complete, preset
+
+PRESETS = Path(__file__).parent / "paper"
+QUICK = PRESETS / "quick.toml"
+
+Piece = Literal["siamese", "metric", "elm", "stability", "ablation", "report"]
+PIECES: tuple[Piece, ...] = ("siamese", "metric", "elm", "stability", "ablation", "report")
+
+
+@dataclass(frozen=True)
+class Paper:
+    """What to measure and where."""
+
+    pieces: tuple[Piece, ...] = PIECES
+    """Pieces to run; the report is written after any of them."""
+    variants: tuple[str, ...] = ()
+    """Variants of the ablation; all where none is named."""
+    quick: bool = False
+    """Tiny rooms, few frames and seeds: whether everything runs, not what it finds."""
+    out: Path | None = None
+    """Folder of the study; by default runs/paper or runs/paper-quick."""
+
+
+def main(settings: Paper) -> Path:
+    """Run the pieces and write the report.
+
+    Args:
+        settings: what and where.
+
+    Returns:
+        The report.
+    """
+    out = settings.out or Path("runs") / ("paper-quick" if settings.quick else "paper")
+    overlays = [QUICK] if settings.quick else []
+    ablation = load_ablation(PRESETS / "ablation.toml")
+    names = settings.variants or [n for n, v in ablation.variants.items() if v.quick or not settings.quick]
+    unknown = [name for name in names if name not in ablation.variants]
+    if unknown:
+        raise InputError(f"variants: there is no {unknown[0]}; known are {', '.join(ablation.variants)}.")
+    changes = read_record(QUICK) if settings.quick else {}
+    for agent in ("siamese", "metric"):
+        if agent in settings.pieces:
+            complete(replace(preset(PRESETS / f"{agent}.toml", overlays), run=out / agent))
+    config = preset(PRESETS / "siamese.toml", overlays)
+    if "elm" in settings.pieces:
+        sizes = tuple(size for size in PAPER_SIZES if size <= 5 * config.elm.hidden)
+        elm_ablation.main(elm_ablation.Ablation(out / "elm", config.seeds, sizes, config))
+    if "stability" in settings.pieces and not (out / "stability" / "stability.csv").exists():
+        walks = 4 if settings.quick else irl_stability.Study.trajectories
+        irl_stability.main(irl_stability.Study(out / "stability", trajectories=walks, config=config))
+    if "ablation" in settings.pieces:
+        run_ablation(ablation, names, changes, out / "ablation")
+    frames = configure(ablation, BASE, "siamese", changes, out / "ablation").frames
+    path = write_study(out, measure(ablation, changes, out / "ablation"), frames).with_suffix(".html")
+    console.print(f"Report: {path}", highlight=False, soft_wrap=True)
+    return path
+
+
+if __name__ == "__main__":
+    try:
+        main(tyro.cli(Paper, description=__doc__))
+    except InputError as error:
+        sys.exit(f"paper: {error}")

@@ -1,0 +1,142 @@
+"""The page of the whole study: both agents' tables and figures, the machine's figures, and the ablations."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import get_args
+
+from relm_irl_jax.config import Agent
+from relm_irl_jax.report.comparison import Difference, differences, statement
+from relm_irl_jax.report.page import circumstances, run_sections, write_page
+from relm_irl_jax.runs import find_run, read_all_results, read_table, write_table
+from relm_irl_jax.studies.ablation import Measured, ablation_columns, ablation_table
+
+CLAIM = (
+    "The paper claims that rewards predicted by a regularised extreme learning machine (RELM-IRL) navigate better than "
+    "a hand-made reward (RL) and than inverse reinforcement learning alone (IRL): a higher success weighted by path "
+    "length (SPL) on all three tasks, and a higher success rate (SR) on new targets and in unseen scenes."
+)
+
+AGENT_TITLES = {
+    "siamese": "The paper's agent: the siamese actor-critic",
+    "metric": "The metric agent: distances between views, not the paper's",
+}
+
+
+def write_study(out: Path, lines: Sequence[Measured], frames: int) -> Path:
+    """Write `report.html` and `report.md` of a study from the runs that its folder holds.
+
+    Args:
+        out: folder of the study.
+        lines: the ablations' lines.
+        frames: training frames of each of them.
+
+    Returns:
+        The Markdown file.
+    """
+    runs = [(agent, *find_run(out / agent)) for agent in get_args(Agent) if list((out / agent).glob("results-*.json"))]
+    text = ["# RELM-IRL: every table and figure, measured", "", CLAIM, ""]
+    for agent, folder, _ in runs:
+        found = differences(read_all_results(folder))
+        text += [f"**{AGENT_TITLES[agent]}.** {tally(found)}", "", *(f"- {line}" for line in statement(found)), ""]
+    text += [
+        "These sentences are worded by the intervals alone: *ahead of* and *behind* where the 95% interval of the "
+        "difference over seeds excludes zero. Seeds are 0, 1, …; none is left out.",
+        "",
+    ]
+    for agent, folder, config in runs:
+        text += [f"## {AGENT_TITLES[agent]}", "", *run_sections(folder, config, out, "###")]
+    text += [*_machine_figures(out), *_ablations(out, lines, frames), *_stability(out)]
+    for agent, folder, config in runs:
+        text += [f"## Circumstances: {agent} agent", "", *circumstances(folder, config, "###")]
+    return write_page(text, out)
+
+
+def tally(found: Sequence[Difference]) -> str:
+    """Count what the differences say.
+
+    Args:
+        found: the differences.
+
+    Returns:
+        One sentence; empty without differences.
+    """
+    if not found:
+        return ""
+    counts = {verdict: sum(d.verdict == verdict for d in found) for verdict in ("ahead of", "behind", "not apart from")}
+    return (
+        f"Of {len(found)} comparisons of RELM-IRL with RL, IRL and ELM-IRL (SR and SPL of each task, {found[0].seeds} "
+        f"seeds), it is ahead in {counts['ahead of']}, behind in {counts['behind']}, and {counts['not apart from']} "
+        "are not decided."
+    )
+
+
+def _machine_figures(out: Path) -> list[str]:
+    if not (out / "elm" / "accuracy.csv").exists():
+        return []
+    accuracy = read_table(out / "elm" / "accuracy.csv")
+    config = json.loads((out / "elm" / "settings.json").read_text())["config"]
+    return [
+        "## What the extreme learning machine learns (Figures 7 to 10)",
+        "",
+        f"One target in six is held out with all its pairs; at most {config['elm']['pairs']} pairs are fitted, "
+        f"{config['elm']['hidden']} neurons before selection; {len(accuracy['seed'])} seeds. The paper neither says "
+        "how its test set was drawn nor defines its accuracy; R² is 1 for a perfect prediction.",
+        "",
+        "![R² against the number of hidden neurons](elm/figure-7.png)",
+        "",
+        "*Accuracy against hidden neurons, without selection (the paper's Figure 7)*",
+        "",
+        "![Predicted against true reward weights](elm/figure-8-10.png)",
+        "",
+        "*Predicted against true weights on held-out targets, before and after regularisation (Figures 8 and 10)*",
+        "",
+        "![Leave-one-out error](elm/figure-9.png)",
+        "",
+        "*Leave-one-out error against neurons, one curve a seed, minima marked (Figure 9; the paper's lies at 593)*",
+        "",
+        "| Seed | R², all neurons | R², regularised | Neurons kept |",
+        "|---|---:|---:|---:|",
+        *(
+            f"| {seed} | {float(plain):.3f} | {float(regularised):.3f} | {float(kept):.0f} |"
+            for seed, plain, regularised, kept in zip(*accuracy.values(), strict=True)
+        ),
+        "",
+    ]
+
+
+def _ablations(out: Path, lines: Sequence[Measured], frames: int) -> list[str]:
+    if not lines:
+        return []
+    (out / "tables").mkdir(parents=True, exist_ok=True)
+    write_table(out / "tables" / "ablation.csv", ablation_columns(lines))
+    text = [
+        "## What the paper leaves open",
+        "",
+        f"RELM-IRL with one setting changed, {lines[0].seeds} seeds, {frames:,} training frames, fewer than in the "
+        "tables above. Changes are paired with the base on the same seeds, ± half of the 95% interval (Student's t), "
+        "each on its own; bold where it excludes zero.",
+        "",
+    ]
+    for agent in dict.fromkeys(line.agent for line in lines):
+        own = [line for line in lines if line.agent == agent]
+        text += [f"### {AGENT_TITLES[agent]}", "", ablation_table(own, "sr"), "", ablation_table(own, "spl"), ""]
+    return text
+
+
+def _stability(out: Path) -> list[str]:
+    if not (out / "stability" / "stability.csv").exists():
+        return []
+    table = read_table(out / "stability" / "stability.csv")
+    columns = list(table)
+    return [
+        "## How far reward weights jump",
+        "",
+        "Relative movement of w over single trajectories in one room, when the start moves one step and when every "
+        "margin moves by a thousandth, and the share of the linear program's objective that is kept.",
+        "",
+        "| " + " | ".join(name.replace("_", " ") for name in columns) + " |",
+        "|---|---|" + "---:|" * (len(columns) - 2),
+        *("| " + " | ".join(row) + " |" for row in zip(*table.values(), strict=True)),
+        "",
+    ]
