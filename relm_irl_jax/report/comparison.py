@@ -4,6 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+
 from relm_irl_jax.report.tables import METHOD_NAMES, METRIC_NAMES, Cell, by_seed, methods_of, summarise
 
 OURS = "relm-irl"
@@ -12,7 +14,7 @@ OURS = "relm-irl"
 RIVALS = ("rl", "irl", "elm-irl")
 """The methods that it is compared with."""
 
-Verdict = Literal["ahead of", "behind", "not apart from"]
+Verdict = Literal["ahead of", "behind", "not distinguishable from"]
 
 
 @dataclass(frozen=True)
@@ -38,7 +40,7 @@ class Difference:
         """`ahead of` or `behind` where the interval excludes zero; one seed has no interval and decides nothing."""
         if self.value.mean - self.value.half_width > 0:
             return "ahead of"
-        return "behind" if self.value.mean + self.value.half_width < 0 else "not apart from"
+        return "behind" if self.value.mean + self.value.half_width < 0 else "not distinguishable from"
 
 
 def signed(value: Cell) -> str:
@@ -48,9 +50,10 @@ def signed(value: Cell) -> str:
         value: the difference.
 
     Returns:
-        Text such as `+0.11 ± 0.06`.
+        Text such as `+0.110 ± 0.062`.
     """
-    return str(value) if str(value).startswith("-") else f"+{value}"
+    text = f"{value.mean:+.3f}".replace("-", "−")
+    return text if np.isnan(value.half_width) else f"{text} ± {value.half_width:.3f}"
 
 
 def paired(first: Mapping[int, float], second: Mapping[int, float]) -> tuple[Cell, int]:
@@ -126,7 +129,7 @@ def difference_table(found: Sequence[Difference]) -> str:
         for metric in ("sr", "spl"):
             difference = values[task, rival, metric]
             text = signed(difference.value)
-            shown.append(text if difference.verdict == "not apart from" else f"**{text}**")
+            shown.append(text if difference.verdict == "not distinguishable from" else f"**{text}**")
         lines.append(f"| {task} | {METHOD_NAMES[OURS]} − {METHOD_NAMES[rival]} | {' | '.join(shown)} |")
     return "\n".join(lines)
 

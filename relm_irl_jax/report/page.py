@@ -87,7 +87,7 @@ def write_page(text: Sequence[str], folder: Path) -> Path:
     return path
 
 
-def run_sections(folder: RunFolder, config: Config, base: Path, heading: str) -> list[str]:
+def run_sections(folder: RunFolder, config: Config, base: Path, heading: str, *, worded: bool = True) -> list[str]:
     """What a run measured: a table for each task evaluated, paired differences, and the figures.
 
     Args:
@@ -95,6 +95,7 @@ def run_sections(folder: RunFolder, config: Config, base: Path, heading: str) ->
         config: the configuration as run.
         base: folder to which the names of pictures are relative.
         heading: Markdown's mark of a heading of the sections.
+        worded: whether to say in words what the differences allow.
 
     Returns:
         Lines of Markdown.
@@ -106,7 +107,8 @@ def run_sections(folder: RunFolder, config: Config, base: Path, heading: str) ->
     text = [
         f"Scenes `{config.scenes}`, encoder {first['encoder']}, {_agent(config)}, cap {first['cap']} steps, "
         f"{config.evaluation.episodes} episodes for each scene, {config.frames:,} training frames a method, {seeds}, "
-        f"actions {'drawn from the policy' if config.evaluation.policy == 'sample' else 'of highest probability'}.",
+        f"actions {'drawn from the policy' if config.evaluation.policy == 'sample' else 'of highest probability'}"
+        + ("." if config.evaluation.new_targets == "paper" else ", Task II's targets drawn uniformly."),
         "",
     ]
     for number, (task, record) in enumerate(results.items()):
@@ -131,7 +133,7 @@ def run_sections(folder: RunFolder, config: Config, base: Path, heading: str) ->
         text += [
             f"{heading} Differences on the same seeds",
             "",
-            *(f"- {sentence}" for sentence in statement(found)),
+            *(f"- {sentence}" for sentence in statement(found) if worded),
             "",
             difference_table(found),
             "",

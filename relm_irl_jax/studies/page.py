@@ -45,7 +45,7 @@ def write_study(out: Path, lines: Sequence[Measured], frames: int) -> Path:
         "",
     ]
     for agent, folder, config in runs:
-        text += [f"## {AGENT_TITLES[agent]}", "", *run_sections(folder, config, out, "###")]
+        text += [f"## {AGENT_TITLES[agent]}", "", *run_sections(folder, config, out, "###", worded=False)]
     text += [*_machine_figures(out), *_ablations(out, lines, frames), *_stability(out)]
     for agent, folder, config in runs:
         text += [f"## Circumstances: {agent} agent", "", *circumstances(folder, config, "###")]
@@ -63,11 +63,10 @@ def tally(found: Sequence[Difference]) -> str:
     """
     if not found:
         return ""
-    counts = {verdict: sum(d.verdict == verdict for d in found) for verdict in ("ahead of", "behind", "not apart from")}
+    ahead, behind = (sum(d.verdict == verdict for d in found) for verdict in ("ahead of", "behind"))
     return (
-        f"Of {len(found)} comparisons of RELM-IRL with RL, IRL and ELM-IRL (SR and SPL of each task, {found[0].seeds} "
-        f"seeds), it is ahead in {counts['ahead of']}, behind in {counts['behind']}, and {counts['not apart from']} "
-        "are not decided."
+        f"Of {len(found)} comparisons of RELM-IRL with other methods (SR and SPL of each task, {found[0].seeds} "
+        f"seeds), it is ahead in {ahead}, behind in {behind}, and {len(found) - ahead - behind} are not decided."
     )
 
 

@@ -71,18 +71,18 @@ def test_the_statement_follows_the_intervals():
     found = differences({"II": results("II", APART)})
     assert [d.verdict for d in found] == ["ahead of"] * 4
     assert statement(found) == [
-        "Task II: RELM-IRL is ahead of RL (SR +0.70 ± 0.00, SPL +0.70 ± 0.00); "
-        "ahead of IRL (SR +0.50 ± 0.43, SPL +0.50 ± 0.43)."
+        "Task II: RELM-IRL is ahead of RL (SR +0.700 ± 0.000, SPL +0.700 ± 0.000); "
+        "ahead of IRL (SR +0.500 ± 0.430, SPL +0.500 ± 0.430)."
     ]
     swapped = {"rl": APART["relm-irl"], "relm-irl": APART["rl"]}
-    assert "behind RL (SR -0.70" in statement(differences({"I": results("I", swapped)}))[0]
+    assert "behind RL (SR −0.700" in statement(differences({"I": results("I", swapped)}))[0]
     level = {"rl": [0.1, 0.9, 0.5], "relm-irl": [0.9, 0.1, 0.5]}
-    assert "not apart from RL" in statement(differences({"I": results("I", level)}))[0]
+    assert "not distinguishable from RL" in statement(differences({"I": results("I", level)}))[0]
     assert len(difference_columns(found)["mean"]) == 4
-    assert "**+0.70 ± 0.00**" in difference_table(found)
+    assert "**+0.700 ± 0.000**" in difference_table(found)
 
 
 def test_one_seed_decides_nothing():
     found = differences({"I": results("I", {"rl": [0.1], "relm-irl": [0.9]})})
-    assert [d.verdict for d in found] == ["not apart from"] * 2
+    assert [d.verdict for d in found] == ["not distinguishable from"] * 2
     assert statement(found) == ["One seed says nothing about differences between methods; run more."]

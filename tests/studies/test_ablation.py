@@ -82,7 +82,7 @@ def test_the_table_pairs_finished_runs_with_the_base(tmp_path):
     assert [line.name for line in lines] == [BASE, "wide"]
     change = lines[1].change["II", "sr"]
     assert (change.mean, change.half_width) == (pytest.approx(0.1), pytest.approx(0.0, abs=1e-12))
-    assert "| wider | 0.40 ± 2.54 | **+0.10 ± 0.00** |" in ablation_table(lines, "sr")
+    assert "| wider | 0.40 ± 2.54 | **+0.100 ± 0.000** |" in ablation_table(lines, "sr")
     assert len(ablation_columns(lines)["agent"]) == 2 * 3 * 2
     page = write_study(tmp_path, lines, 7).with_suffix(".html").read_text()
     assert "wider" in page
