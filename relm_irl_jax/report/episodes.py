@@ -79,7 +79,8 @@ def _map(panel: Axes, scene: Scene, states: Int32[np.ndarray, "steps+1"], target
         heading = np.deg2rad(scene.rotation[state])
         tip = scene.location[state] + 1.5 * GRID_STEP * np.array([np.sin(heading), np.cos(heading)])
         arrow = {"arrowstyle": "->", "color": colour, "lw": 1.6}
-        panel.annotate("", tip, scene.location[state], arrowprops=arrow, annotation_clip=False)
+        panel.annotate("", tip, scene.location[state], arrowprops=arrow)
+        panel.update_datalim([tip])
     steps, least = len(states) - 1, len(shortest) - 1
     outcome = f"found in {steps} steps" if int(states[-1]) == target else f"not found in {steps} steps"
     panel.set(title=f"{scene.name}: {outcome} (shortest {least})", aspect="equal")

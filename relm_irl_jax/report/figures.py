@@ -13,6 +13,9 @@ from relm_irl_jax.report.curves import Curve, band
 from relm_irl_jax.report.tables import METHOD_NAMES, Cell, summarise
 from relm_irl_jax.runs import write_table
 
+FIGURE_DPI = 150
+"""Dots an inch of the PNG files."""
+
 COLOURS = {
     "random": "#7f7f7f",
     "bc": "#2ca02c",
@@ -33,7 +36,7 @@ def save_figure(figure: Figure, path: Path, table: Mapping[str, Sequence | np.nd
         table: the values drawn, as named columns of equal length.
     """
     buffer = io.BytesIO()
-    figure.savefig(buffer, dpi=150, format="png")
+    figure.savefig(buffer, dpi=FIGURE_DPI, format="png")
     write_table(path.with_suffix(".csv"), table)
     write_bytes(path, buffer.getvalue())
 
@@ -64,7 +67,8 @@ def learning_curves(curves: Mapping[str, Sequence[Curve]], metrics: Sequence[str
         panel.set(xlabel="training frames in millions", ylabel=CURVE_METRICS[metric], xlim=(0, None), ylim=(0, None))
         panel.grid(alpha=0.25)
     panels[0].legend(frameon=False)
-    figure.suptitle("Episodes that ended during training, on the training targets", fontsize=10)
+    if len(metrics) > 1:
+        figure.suptitle("Episodes that ended during training, on the training targets", fontsize=10)
     return figure
 
 
@@ -111,10 +115,8 @@ def press_figure(curves: Sequence[Float[np.ndarray, "neurons"]]) -> Figure:
         )
         panel.plot(best, curve[best - 1], "o", color="black", markersize=4)
     kept = summarise([float(best) for best in chosen])
-    lowest = min(range(len(curves)), key=lambda number: chosen[number])
-    note = f"{kept.mean:.0f} neurons kept" + ("" if np.isnan(kept.half_width) else f" (± {kept.half_width:.0f})")
-    place = (chosen[lowest], curves[lowest][chosen[lowest] - 1])
-    panel.annotate(note, place, xytext=(8, 22), textcoords="offset points")
+    panel.set_title(f"{kept.mean:.0f}{'' if np.isnan(kept.half_width) else f' ± {kept.half_width:.0f}'} neurons kept")
+    panel.title.set_fontsize(10)
     finite = np.concatenate([curve[np.isfinite(curve)] for curve in curves])
     panel.set(xlabel="neurons in MRSR order", ylabel="mean squared leave-one-out error", xlim=(0, None), yscale="log")
     panel.set_ylim(finite.min() * 0.9, min(finite.max(), finite.min() * 100) * 1.1)

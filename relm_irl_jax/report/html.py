@@ -6,18 +6,28 @@ import re
 from pathlib import Path
 
 from markdown_it import MarkdownIt
+from PIL import Image
+
+from relm_irl_jax.report.figures import FIGURE_DPI
+
+SCREEN_DPI = 100
+"""Dots an inch at which figures are shown, so that their text is about as large as the page's."""
 
 STYLE = """
 :root { color-scheme: light dark; }
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 68rem; margin: 0 auto; padding: 1rem; }
 h1, h2 { line-height: 1.2; margin-top: 2rem; }
 img { max-width: 100%; height: auto; background: white; border-radius: 4px; }
-.table { overflow-x: auto; }
+.table, .wide { overflow-x: auto; }
+.table { margin: 1rem 0; }
+th { text-align: left; vertical-align: bottom; }
+.wide img { min-width: 44rem; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size: 0.92em; }
 th, td { padding: 0.25rem 0.7rem; border-bottom: 1px solid #8884; white-space: nowrap; }
-thead th { border-bottom: 2px solid #888a; }
+th:first-child, td:first-child { position: sticky; left: 0; background: Canvas; padding-left: 0; }
+thead th { border-bottom: 2px solid #888a; white-space: normal; min-width: 4rem; max-width: 12rem; }
 code, pre { font-size: 0.88em; }
-pre { overflow-x: auto; padding: 0.8rem; background: #8881; border-radius: 4px; }
+pre { overflow: auto; max-height: 24rem; padding: 0.8rem; background: #8881; border-radius: 4px; }
 """
 
 
@@ -33,7 +43,8 @@ def render_page(text: str, folder: Path) -> str:
     """
     body = MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
     body = body.replace("<table>", '<div class="table"><table>').replace("</table>", "</table></div>")
-    body = re.sub(r'<img src="([^"]+)"', lambda found: f'<img src="{_inside(folder / found[1])}"', body)
+    picture = r'<p><img src="([^"]+)"([^>]*)></p>'
+    body = re.sub(picture, lambda found: _picture(folder / found[1], found[2].rstrip(" /")), body)
     title = html.escape(text.splitlines()[0].lstrip("# "))
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
@@ -42,6 +53,11 @@ def render_page(text: str, folder: Path) -> str:
     )
 
 
-def _inside(path: Path) -> str:
-    """A PNG picture as an address that holds it."""
-    return "data:image/png;base64," + base64.b64encode(path.read_bytes()).decode()
+def _picture(path: Path, rest: str) -> str:
+    """A PNG picture that lies in the page itself; a wide one scrolls within its own box on a narrow screen."""
+    with Image.open(path) as picture:
+        width, height = picture.size
+    content = base64.b64encode(path.read_bytes()).decode()
+    shape = "wide" if width > 1.8 * height else "figure"
+    shown = round(width * SCREEN_DPI / FIGURE_DPI)
+    return f'<div class="{shape}"><img width="{shown}" src="data:image/png;base64,{content}"{rest}></div>'
