@@ -20,6 +20,9 @@ BASE = "base"
 
 METRICS = ("sr", "spl")
 
+BySeed = dict[tuple[str, str], dict[int, float]]
+"""Values of each task and metric, by seed."""
+
 
 @settings_dataclass(frozen=True)
 class Variant:
@@ -146,18 +149,20 @@ def measure(ablation: Ablation, changes: Mapping[str, Any], folder: Path) -> lis
     """
     lines = []
     for agent in get_args(Agent):
-        base: dict[tuple[str, str], dict[int, float]] = {}
+        base: BySeed = {}
         for name in (BASE, *ablation.variants):
             config = configure(ablation, name, agent, changes, folder)
             if not finished(config) or (name != BASE and not base):
                 continue
             results = read_all_results(RunFolder(folder / f"{agent}-{name}"))
-            own = {(t, m): by_seed(results[t]["rows"], OURS, m, "mean") for t in TASKS for m in METRICS}
+            own: BySeed = {(t, m): by_seed(results[t]["rows"], OURS, m, "mean") for t in TASKS for m in METRICS}
             if name == BASE:
                 base = own
             title = "base" if name == BASE else ablation.variants[name].title
-            value = {key: summarise(list(seeds.values())) for key, seeds in own.items()}
-            change = {} if name == BASE else {key: paired(seeds, base[key])[0] for key, seeds in own.items()}
+            value: dict[tuple[str, str], Cell] = {key: summarise(list(seeds.values())) for key, seeds in own.items()}
+            change: dict[tuple[str, str], Cell] = (
+                {} if name == BASE else {key: paired(seeds, base[key])[0] for key, seeds in own.items()}
+            )
             lines.append(Measured(agent, name, title, config.seeds, value, change))
     return lines
 

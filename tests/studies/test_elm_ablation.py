@@ -1,0 +1,33 @@
+"""The script of Figures 7 to 10, on seeds that its folder holds already."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from relm_irl_jax.errors import InputError
+from relm_irl_jax.runs import read_table, write_table
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "experiments"))
+
+import elm_ablation  # noqa: E402
+
+
+def test_every_figure_has_its_table_and_nothing_is_fitted_again(tmp_path):
+    for seed in range(2):
+        folder = tmp_path / f"seed-{seed}"
+        write_table(folder / "sizes.csv", {"neurons": [1, 10], "test_r2": [0.1 + seed, 0.3], "train_r2": [0.2, 0.9]})
+        write_table(folder / "points.csv", {name: np.arange(4) / 10 for name in ("truth", "elm", "relm")})
+        write_table(folder / "press.csv", {"mean_squared_error": [3.0, 1.0 - 0.5 * seed, 2.0]})
+        write_table(folder / "accuracy.csv", {"fitted": [5], "tested": [4], "elm_r2": [0], "relm_r2": [1], "kept": [2]})
+    settings = elm_ablation.Ablation(tmp_path, seeds=2, sizes=(1, 10))
+    elm_ablation.main(settings)
+    for name in ("figure-7", "figure-8-10", "figure-9"):
+        assert (tmp_path / f"{name}.png").stat().st_size > 0
+        assert read_table(tmp_path / f"{name}.csv")
+    curve = read_table(tmp_path / "figure-7.csv")
+    assert [float(value) for value in curve["test_r2"]] == pytest.approx([0.6, 0.3])
+    assert read_table(tmp_path / "figure-9.csv")["minimum"] == ["False", "True", "False"] * 2
+    with pytest.raises(InputError, match="holds an ablation with other settings"):
+        elm_ablation.main(elm_ablation.Ablation(tmp_path, seeds=2, sizes=(1, 20)))
