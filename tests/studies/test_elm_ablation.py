@@ -11,7 +11,7 @@ from relm_irl_jax.runs import read_table, write_table
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "experiments"))
 
-import elm_ablation  # noqa: E402
+import elm_ablation
 
 
 def test_every_figure_has_its_table_and_nothing_is_fitted_again(tmp_path):
