@@ -114,7 +114,8 @@ def draw_sizes(folders: Sequence[Path], path: Path) -> None:
         table |= {column: mean, f"{column}_half_width": error}
     axes.set_xscale("symlog", linthresh=100)
     axes.set(xlabel="hidden neurons", ylabel="R²", ylim=(max(-1.0, min(0.0, table["test_r2"].min())) - 0.05, 1.05))
-    axes.set_xticks([1, 50, 100, 400, 1950, 8000], ["1", "50", "100", "400", "1950", "8000"])
+    ticks = [tick for tick in (1, 50, 100, 400, 1950, 8000) if tick <= max(sizes)]
+    axes.set_xticks(ticks, [str(tick) for tick in ticks])
     axes.grid(alpha=0.25)
     axes.legend(frameon=False)
     save_figure(figure, path, table)

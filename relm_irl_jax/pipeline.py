@@ -56,7 +56,7 @@ def run(
         config: the configuration.
         tasks: tasks to evaluate; the configuration's where empty.
         encoded: the training scenes, where they are encoded already.
-        maps: whether to draw episodes from above.
+        maps: whether to draw episodes and rewards from above.
 
     Returns:
         The run folder.
@@ -83,7 +83,7 @@ def run(
         learned = None
         if set(missing) & set(LEARNED):
             with stopwatch("inverse reinforcement learning and ELM"):
-                learned = learn(config, encoded.scenes, split, seed, folder)
+                learned = learn(config, encoded.scenes, split, seed, folder, maps=maps)
         for method in missing:
             with stopwatch(f"training {method}"):
                 train_method(config, method, seed, encoded.scenes, split, learned, folder)

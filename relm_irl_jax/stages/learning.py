@@ -34,7 +34,9 @@ class LearnedRewards:
     machines: dict[Method, ELMRegressor]
 
 
-def learn(config: Config, scenes: Sequence[Scene], split: TaskSplit, seed: int, folder: RunFolder) -> LearnedRewards:
+def learn(
+    config: Config, scenes: Sequence[Scene], split: TaskSplit, seed: int, folder: RunFolder, *, maps: bool = True
+) -> LearnedRewards:
     """Learn rewards from demonstrations and fit the machines that predict them; keep both in the run folder.
 
     Args:
@@ -43,6 +45,7 @@ def learn(config: Config, scenes: Sequence[Scene], split: TaskSplit, seed: int, 
         split: the targets of all tasks.
         seed: the run's seed.
         folder: the run folder.
+        maps: whether to draw rewards over rooms, for the first seed.
 
     Returns:
         The learned rewards.
@@ -74,7 +77,7 @@ def learn(config: Config, scenes: Sequence[Scene], split: TaskSplit, seed: int, 
         curve = {"neurons": neurons, "mean_squared_error": regularised.press_curve_}
         write_table(folder.rewards(seed, "press.csv"), curve)
     _judge_rewards(scenes, split, learned, seed, folder)
-    if seed == 0:
+    if maps and seed == 0:
         _map_rewards(scenes, split, learned, folder)
     return learned
 

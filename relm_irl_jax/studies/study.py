@@ -40,7 +40,7 @@ def complete(config: Config, *, maps: bool = True) -> RunFolder:
 
     Args:
         config: the configuration; `run` names the folder.
-        maps: whether to draw episodes from above.
+        maps: whether to draw episodes and rewards from above.
 
     Returns:
         The run folder, its report written.
