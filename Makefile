@@ -4,6 +4,9 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.ready-$(shell cat requirements.lock pyproject.toml | cksum | cut -d' ' -f1)
 
+# Programs that JAX has compiled once are kept, as the tests keep theirs.
+KEPT   := JAX_COMPILATION_CACHE_DIR=$(CURDIR)/.cache/jax JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS=0
+
 TASK   ?= II
 METHOD ?= all
 AGENT  ?=
@@ -47,10 +50,10 @@ bench: $(STAMP)  ## Benchmarks: BENCH=agent|scaling|elm|irl|encoder.
 	@$(BIN)/relm-irl bench $(BENCH) $(ARGS)
 
 paper: $(STAMP)  ## Every table and figure: PIECE=siamese|metric|elm|stability|ablation|report VARIANT= QUICK=1.
-	@$(BIN)/python experiments/paper.py $(if $(PIECE),--pieces $(PIECE)) $(if $(VARIANT),--variants $(VARIANT)) $(if $(QUICK),--quick) $(ARGS)
+	@$(KEPT) $(BIN)/python experiments/paper.py $(if $(PIECE),--pieces $(PIECE)) $(if $(VARIANT),--variants $(VARIANT)) $(if $(QUICK),--quick) $(ARGS)
 
 notebooks: $(STAMP)  ## Run the notebooks of experiments/notebooks.
-	@$(BIN)/python -m pytest --nbmake --nbmake-timeout=300 -n0 -p no:cacheprovider experiments/notebooks
+	@$(KEPT) $(BIN)/python -m pytest --nbmake --nbmake-timeout=300 -n0 -p no:cacheprovider experiments/notebooks
 
 lock:  ## Resolve pyproject.toml into requirements.lock (needs uv).
 	uv pip compile pyproject.toml --extra dev --universal --python-version 3.11 --generate-hashes \
