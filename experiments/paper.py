@@ -22,7 +22,7 @@ from relm_irl_jax.config import read_record
 from relm_irl_jax.elm.ablation import PAPER_SIZES
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.progress import console
-from relm_irl_jax.studies.ablation import BASE, configure, load_ablation, measure, run_ablation
+from relm_irl_jax.studies.ablation import load_ablation, measure, run_ablation
 from relm_irl_jax.studies.page import write_study
 from relm_irl_jax.studies.study import complete, preset
 
@@ -76,8 +76,7 @@ def main(settings: Paper) -> Path:
         irl_stability.main(irl_stability.Study(out / "stability", trajectories=walks, config=config))
     if "ablation" in settings.pieces:
         run_ablation(ablation, names, changes, out / "ablation")
-    frames = configure(ablation, BASE, "siamese", changes, out / "ablation").frames
-    path = write_study(out, measure(ablation, changes, out / "ablation"), frames).with_suffix(".html")
+    path = write_study(out, measure(ablation, changes, out / "ablation")).with_suffix(".html")
     console.print(f"Report: {path}", highlight=False, soft_wrap=True)
     return path
 

@@ -48,10 +48,12 @@ class Ablation:
     Attributes:
         base: fields of the base that differ from the defaults.
         variants: changes by name.
+        agents: further fields of the base for each agent, such as its frames.
     """
 
     base: dict[str, Any]
     variants: dict[str, Variant]
+    agents: dict[Agent, dict[str, Any]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,7 @@ class Measured:
         name: name of the variant, or `BASE`.
         title: what is changed.
         seeds: number of seeds.
+        frames: training frames of each.
         value: mean and interval of each task and metric.
         change: the same, minus the base on the same seeds; empty for the base.
     """
@@ -71,6 +74,7 @@ class Measured:
     name: str
     title: str
     seeds: int
+    frames: int
     value: Mapping[tuple[str, str], Cell]
     change: Mapping[tuple[str, str], Cell]
 
@@ -115,7 +119,9 @@ def configure(ablation: Ablation, name: str, agent: Agent, changes: Mapping[str,
     """
     if name != BASE and name not in ablation.variants:
         raise InputError(f"variants: there is no {name}; known are {', '.join(ablation.variants)}.")
-    config = overlay(overlay(Config(), ablation.base, "base"), changes, "changes of the base")
+    config = overlay(Config(), ablation.base, "base")
+    config = overlay(config, ablation.agents.get(agent, {}), f"agents.{agent}")
+    config = overlay(config, changes, "changes of the base")
     if name != BASE:
         config = overlay(config, ablation.variants[name].set, f"variants.{name}.set")
     return replace(config, agent=agent, run=folder / f"{agent}-{name}")
@@ -163,7 +169,7 @@ def measure(ablation: Ablation, changes: Mapping[str, Any], folder: Path) -> lis
             change: dict[tuple[str, str], Cell] = (
                 {} if name == BASE else {key: paired(seeds, base[key])[0] for key, seeds in own.items()}
             )
-            lines.append(Measured(agent, name, title, config.seeds, value, change))
+            lines.append(Measured(agent, name, title, config.seeds, config.frames, value, change))
     return lines
 
 
@@ -182,8 +188,19 @@ def ablation_columns(lines: Sequence[Measured]) -> dict[str, list]:
         for (task, metric), value in line.value.items():
             change = line.change.get((task, metric), nothing)
             key = (line.agent, line.name, task, metric)
-            rows.append((*key, value.mean, value.half_width, change.mean, change.half_width, line.seeds))
-    names = ("agent", "variant", "task", "metric", "mean", "half_width", "change", "change_half_width", "seeds")
+            rows.append((*key, value.mean, value.half_width, change.mean, change.half_width, line.seeds, line.frames))
+    names = (
+        "agent",
+        "variant",
+        "task",
+        "metric",
+        "mean",
+        "half_width",
+        "change",
+        "change_half_width",
+        "seeds",
+        "frames",
+    )
     return dict(zip(names, map(list, zip(*rows, strict=True)), strict=True))
 
 

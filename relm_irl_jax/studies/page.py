@@ -23,13 +23,12 @@ AGENT_TITLES = {
 }
 
 
-def write_study(out: Path, lines: Sequence[Measured], frames: int) -> Path:
+def write_study(out: Path, lines: Sequence[Measured]) -> Path:
     """Write `report.html` and `report.md` of a study from the runs that its folder holds.
 
     Args:
         out: folder of the study.
         lines: the ablations' lines.
-        frames: training frames of each of them.
 
     Returns:
         The Markdown file.
@@ -46,7 +45,7 @@ def write_study(out: Path, lines: Sequence[Measured], frames: int) -> Path:
     ]
     for agent, folder, config in runs:
         text += [f"## {AGENT_TITLES[agent]}", "", *run_sections(folder, config, out, "###", worded=False)]
-    text += [*_machine_figures(out), *_ablations(out, lines, frames), *_stability(out)]
+    text += [*_machine_figures(out), *_ablations(out, lines), *_stability(out)]
     for agent, folder, config in runs:
         text += [f"## Circumstances: {agent} agent", "", *circumstances(folder, config, "###")]
     return write_page(text, out)
@@ -104,7 +103,7 @@ def _machine_figures(out: Path) -> list[str]:
     ]
 
 
-def _ablations(out: Path, lines: Sequence[Measured], frames: int) -> list[str]:
+def _ablations(out: Path, lines: Sequence[Measured]) -> list[str]:
     if not lines:
         return []
     (out / "tables").mkdir(parents=True, exist_ok=True)
@@ -112,14 +111,15 @@ def _ablations(out: Path, lines: Sequence[Measured], frames: int) -> list[str]:
     text = [
         "## What the paper leaves open",
         "",
-        f"RELM-IRL with one setting changed, {lines[0].seeds} seeds, {frames:,} training frames, fewer than in the "
-        "tables above. Changes are paired with the base on the same seeds, ± half of the 95% interval (Student's t), "
-        "each on its own; bold where it excludes zero.",
+        "RELM-IRL with one setting changed, and fewer frames and episodes than in the tables above. Changes are paired "
+        "with the base on the same seeds, ± half of the 95% interval (Student's t), each on its own; bold where it "
+        "excludes zero.",
         "",
     ]
     for agent in dict.fromkeys(line.agent for line in lines):
         own = [line for line in lines if line.agent == agent]
-        text += [f"### {AGENT_TITLES[agent]}", "", ablation_table(own, "sr"), "", ablation_table(own, "spl"), ""]
+        text += [f"### {AGENT_TITLES[agent]}", "", f"{own[0].frames:,} training frames, {own[0].seeds} seeds.", ""]
+        text += [ablation_table(own, "sr"), "", ablation_table(own, "spl"), ""]
     return text
 
 

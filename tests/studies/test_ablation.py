@@ -25,6 +25,7 @@ PRESETS = Path(__file__).parents[2] / "experiments" / "paper"
 SMALL = Ablation(
     {"methods": ["relm-irl"], "seeds": 2, "evaluation": {"episodes": 10}},
     {"wide": Variant("wider", {"siamese": {"width": 8}}, ("siamese",))},
+    {"siamese": {"frames": 70}},
 )
 
 
@@ -79,12 +80,12 @@ def test_the_table_pairs_finished_runs_with_the_base(tmp_path):
     assert [line.name for line in measure(SMALL, {}, tmp_path / "ablation")] == [BASE]
     leave_results(wide, [0.2, 0.6])
     lines = measure(SMALL, {}, tmp_path / "ablation")
-    assert [line.name for line in lines] == [BASE, "wide"]
+    assert [(line.name, line.frames) for line in lines] == [(BASE, 70), ("wide", 70)]
     change = lines[1].change["II", "sr"]
     assert (change.mean, change.half_width) == (pytest.approx(0.1), pytest.approx(0.0, abs=1e-12))
     assert "| wider | 0.40 ± 2.54 | **+0.100 ± 0.000** |" in ablation_table(lines, "sr")
     assert len(ablation_columns(lines)["agent"]) == 2 * 3 * 2
-    page = write_study(tmp_path, lines, 7).with_suffix(".html").read_text()
+    page = write_study(tmp_path, lines).with_suffix(".html").read_text()
     assert "wider" in page
 
 
