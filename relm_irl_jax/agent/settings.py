@@ -35,7 +35,7 @@ class SiameseSettings:
     learning_rate: PositiveFloat = 1e-3
     """Step size."""
     gradient_clip: PositiveFloat = 40.0
-    """Greatest global norm of a gradient."""
+    """Greatest global norm of a gradient; for each worker, where they are summed."""
     value_weight: PositiveFloat = 0.25
     """Weight of the squared value error beside the policy loss."""
     entropy_weight: NonNegativeFloat = 0.03

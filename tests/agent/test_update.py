@@ -12,7 +12,14 @@ from relm_irl_jax.agent.rollout import Experience, rollout, sample_action
 from relm_irl_jax.agent.settings import SiameseSettings
 from relm_irl_jax.agent.siamese.network import Activations, SiameseActorCritic, backward, forward, tabulate
 from relm_irl_jax.agent.siamese.train import begin, network_of, run_chunk, train, worker_lanes
-from relm_irl_jax.agent.siamese.update import Setting, actor_critic_loss, n_step_returns, values_behind
+from relm_irl_jax.agent.siamese.update import (
+    Setting,
+    actor_critic_loss,
+    n_step_returns,
+    optimiser_of,
+    over_steps,
+    values_behind,
+)
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.rewards.model import ManualReward
 from relm_irl_jax.tasks import Target
@@ -259,3 +266,22 @@ def test_settings_that_cannot_work_are_refused(settings, cap, message):
     world, targets = room()
     with pytest.raises(InputError, match=message):
         train(jax.random.key(0), world, targets, STEP_COST, 10.0, 2, settings, cap, 100)
+
+
+def test_the_original_optimiser_by_hand():
+    """ε lies inside the root, the mean square begins at 1, and the bound counts once for each summed worker."""
+    settings = SiameseSettings(optimizer="rmsprop", gradient="sum", workers=3, gradient_clip=2.0, learning_rate=0.5)
+    optimiser = optimiser_of(settings)
+    parameters = {"w": jnp.zeros(2)}
+    state = optimiser.init(parameters)
+    mean_square = np.ones(2)
+    for gradient, clipped in [([3.0, 4.0], [3.0, 4.0]), ([-6.0, 8.0], [-3.6, 4.8])]:
+        change, state = optimiser.update({"w": jnp.asarray(gradient)}, state, parameters)
+        mean_square = 0.99 * mean_square + 0.01 * np.square(clipped)
+        np.testing.assert_allclose(change["w"], -0.5 * np.asarray(clipped) / np.sqrt(mean_square + 0.1), rtol=1e-5)
+
+
+def test_summed_gradients_are_as_many_times_the_mean():
+    loss = jnp.asarray([[1.0, 2.0], [3.0, 6.0]])
+    assert float(over_steps(loss, SiameseSettings())) == 3.0
+    assert float(over_steps(loss, SiameseSettings(gradient="sum"))) == 12.0

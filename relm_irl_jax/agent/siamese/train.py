@@ -69,6 +69,22 @@ def worker_lanes(targets: Targets, world: World, n_heads: int, workers: int) -> 
     return Lane(first=spread(first), count=spread(count))
 
 
+def check_cap(cap: int, settings: SiameseSettings) -> None:
+    """Refuse a cap so low that a worker may be truncated twice in a rollout.
+
+    Args:
+        cap: number of steps after which an episode is truncated.
+        settings: the agent's settings.
+
+    Raises:
+        InputError: the cap is below t_max.
+    """
+    if cap < settings.t_max:
+        raise InputError(
+            f"tasks.cap: {cap} is below siamese.t_max ({settings.t_max}); raise the one or lower the other."
+        )
+
+
 def draw_parameters(key: PRNGKeyArray, network: SiameseActorCritic, world: World) -> Parameters:
     """Draw the network's first parameters.
 
@@ -176,10 +192,7 @@ def train(
     Raises:
         InputError: the cap is below t_max, or the lanes cannot be laid.
     """
-    if cap < settings.t_max:
-        raise InputError(
-            f"tasks.cap: {cap} is below siamese.t_max ({settings.t_max}); raise the one or lower the other."
-        )
+    check_cap(cap, settings)
     network = network_of(settings, n_heads)
     lane = worker_lanes(targets, world, n_heads, settings.workers)
     setting = Setting(world, targets, lane, reward_model, jnp.float32(return_scale))

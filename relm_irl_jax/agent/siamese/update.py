@@ -67,6 +67,8 @@ def optimiser_of(settings: SiameseSettings) -> optax.GradientTransformation:
 
         ν ← 0.99 ν + 0.01 g²,   θ ← θ − η g / √(ν + 0.1),   ν = 1 at first
 
+    Where workers' gradients are summed, the bound is one worker's and counts once for each of them.
+
     Args:
         settings: the agent's settings.
 
@@ -77,7 +79,8 @@ def optimiser_of(settings: SiameseSettings) -> optax.GradientTransformation:
         step = optax.adam(settings.learning_rate)
     else:
         step = optax.rmsprop(settings.learning_rate, decay=0.99, eps=0.1, initial_scale=1.0, eps_in_sqrt=True)
-    return optax.chain(optax.clip_by_global_norm(settings.gradient_clip), step)
+    bound = settings.gradient_clip * (settings.workers if settings.gradient == "sum" else 1)
+    return optax.chain(optax.clip_by_global_norm(bound), step)
 
 
 def n_step_returns(
