@@ -20,7 +20,7 @@ from relm_irl_jax.stages.encoding import EncodedScenes, encode_training
 from relm_irl_jax.stages.evaluating import evaluate_task
 from relm_irl_jax.stages.learning import learn
 from relm_irl_jax.stages.playing import map_episodes
-from relm_irl_jax.stages.training import train_method
+from relm_irl_jax.stages.training import train_method, train_together, trains_together
 from relm_irl_jax.tasks import draw_split
 
 LEARNED: tuple[Method, ...] = ("irl", "elm-irl", "relm-irl")
@@ -77,6 +77,7 @@ def run(
     if encoded is None:
         with stopwatch("scenes and features"):
             encoded = encode_training(config)
+    together: dict[Method, list] = {}
     for seed in range(config.seeds):
         split = draw_split(encoded.scenes, (), config.tasks, seed)
         missing = [m for m in config.chosen_methods() if m != "random" and not folder.agent(m, seed).exists()]
@@ -85,8 +86,14 @@ def run(
             with stopwatch("inverse reinforcement learning and ELM"):
                 learned = learn(config, encoded.scenes, split, seed, folder, maps=maps)
         for method in missing:
+            if config.seeds > 1 and trains_together(config, method):
+                together.setdefault(method, []).append((seed, split, learned))
+                continue
             with stopwatch(f"training {method}"):
                 train_method(config, method, seed, encoded.scenes, split, learned, folder)
+    for method, prepared in together.items():
+        with stopwatch(f"training {method}"):
+            train_together(config, method, prepared, encoded.scenes, folder)
     for task in tasks or (config.task,):
         with stopwatch("evaluation"):
             _evaluate(config, folder, encoded, task, maps=maps)

@@ -41,6 +41,9 @@ class SiameseSettings:
     entropy_weight: NonNegativeFloat = 0.03
     """Weight of the policy's entropy. With 0.01 the hand-made reward leaves targets of the largest rooms undiscovered:
     avoiding collisions by turning in place is learned first (success 0.89 after 3M frames; 1.00 with 0.03)."""
+    seeds_at_once: Literal["auto", "always", "never"] = "auto"
+    """Whether all seeds of a method train in one program. One accelerator takes several in little more time, and `auto`
+    has it do so; a processor gains nothing, and several devices share the workers of one seed."""
     cost_horizon: PositiveFloat = 6.0
     """Learned rewards cost up to r_max a step; their returns are divided by r_max times this many steps. Larger returns
     train less surely, smaller ones yield to the entropy bonus (IRL on Task I: SPL 0.92 with 6, 0.90 with 10)."""

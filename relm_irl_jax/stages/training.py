@@ -6,9 +6,11 @@ from collections.abc import Sequence
 import jax
 import numpy as np
 
+from relm_irl_jax.agent.learning import LearningCurve, Parameters
 from relm_irl_jax.agent.metric.costs import Goals
 from relm_irl_jax.agent.metric.train import train_metric
-from relm_irl_jax.agent.siamese.cloning import Decisions, clone, decisions_of, views_along
+from relm_irl_jax.agent.siamese.cloning import CloningCurve, Decisions, clone, decisions_of, views_along
+from relm_irl_jax.agent.siamese.seeds import train_seeds
 from relm_irl_jax.agent.siamese.train import train
 from relm_irl_jax.config import Config, Method
 from relm_irl_jax.errors import InputError
@@ -164,9 +166,71 @@ def train_method(
                     config.frames,
                     record,
                 )
-        write_table(folder.curve(method, seed), {f.name: getattr(curve, f.name) for f in dataclasses.fields(curve)})
-        save_parameters(folder.agent(method, seed), parameters)
+        _keep(folder, method, seed, parameters, curve)
         record.forget()
+
+
+def trains_together(config: Config, method: Method) -> bool:
+    """Whether the seeds of a method train in one program.
+
+    Args:
+        config: the configuration.
+        method: the method.
+
+    Returns:
+        Whether they do; see `SiameseSettings.seeds_at_once`.
+    """
+    choice = config.siamese.seeds_at_once
+    possible = config.agent == "siamese" and method != "bc" and jax.device_count() == 1
+    return possible and (choice == "always" or (choice == "auto" and jax.default_backend() != "cpu"))
+
+
+def train_together(
+    config: Config,
+    method: Method,
+    prepared: Sequence[tuple[int, TaskSplit, LearnedRewards | None]],
+    scenes: Sequence[Scene],
+    folder: RunFolder,
+) -> None:
+    """Train one method with several seeds at once, as `train_method` does one by one.
+
+    Args:
+        config: the configuration; the agent is `siamese`.
+        method: the method, none but those of a reward.
+        prepared: seeds, their targets and, but for RL, their learned rewards.
+        scenes: encoded training scenes.
+        folder: the run folder. The course of all is recorded under the first seed until they are done.
+    """
+    seeds = [seed for seed, _, _ in prepared]
+    rewards = [reward_of(config, method, scenes, split, learned) for _, split, learned in prepared]
+    title = f"training {method}, seeds {', '.join(map(str, seeds))}"
+    with (
+        progress_bar(title, config.frames, "frames") as advance,
+        FolderRecord(folder, config, method, seeds[0], advance) as record,
+    ):
+        trained = train_seeds(
+            [jax.random.key(seed) for seed in seeds],
+            world_of(config, scenes, scenes),
+            [build_targets(scenes, split.training) for _, split, _ in prepared],
+            [model for model, _ in rewards],
+            rewards[0][1],
+            head_numbers(config, scenes, scenes)[1],
+            config.siamese,
+            config.tasks.cap,
+            config.frames,
+            record,
+        )
+        for seed, (parameters, curve) in zip(seeds, trained, strict=True):
+            _keep(folder, method, seed, parameters, curve)
+        record.forget()
+
+
+def _keep(
+    folder: RunFolder, method: Method, seed: int, parameters: Parameters, curve: LearningCurve | CloningCurve
+) -> None:
+    """Keep the course of a training and its network, in this order: a network says that the training is done."""
+    write_table(folder.curve(method, seed), {f.name: getattr(curve, f.name) for f in dataclasses.fields(curve)})
+    save_parameters(folder.agent(method, seed), parameters)
 
 
 def goals_of(
