@@ -68,7 +68,7 @@ def run(
     join(config.cluster)
     if config.agent == "metric" and "bc" in config.methods:
         raise InputError("methods: bc clones the siamese agent's policy; leave it out, or use --agent siamese.")
-    if config.agent == "siamese" and config.siamese.heads == "scene" and config.task == "III":
+    if config.agent == "siamese" and config.siamese.heads == "scene" and "III" in (tasks or (config.task,)):
         raise InputError(
             "siamese.heads: scene leaves the unseen scenes of task III without a head; use room_type or shared."
         )
