@@ -24,6 +24,8 @@ class SceneSettings:
 
     training_per_type: PositiveInt = 2
     """Training scenes of each room type; of a folder the first ones in the order of file names, or fewer."""
+    training: tuple[str, ...] = ()
+    """Names of the training scenes of a folder, instead of the first ones; all others are unseen."""
     unseen_per_type: PositiveInt = 3
     """Scenes of each room type that only Task III sees; of a folder those that follow, at least one."""
     size: Literal["full", "tiny"] = "full"
@@ -56,7 +58,7 @@ def training_scenes(source: str, settings: SceneSettings) -> list[Scene]:
     Raises:
         InputError: the folder or a file in it cannot be used.
     """
-    return _pick(source, settings, 0, settings.training_per_type)
+    return _pick(source, settings, trained=True)
 
 
 def unseen_scenes(source: str, settings: SceneSettings) -> list[Scene]:
@@ -72,7 +74,7 @@ def unseen_scenes(source: str, settings: SceneSettings) -> list[Scene]:
     Raises:
         InputError: the folder or a file in it cannot be used, or holds too few scenes.
     """
-    return _pick(source, settings, settings.training_per_type, settings.unseen_per_type)
+    return _pick(source, settings, trained=False)
 
 
 def check_source(source: str) -> None:
@@ -105,24 +107,37 @@ def scene_files(folder: Path) -> list[Path]:
     return sorted(path for path in folder.iterdir() if path.suffix in (".h5", ".hdf5"))
 
 
-def _pick(source: str, settings: SceneSettings, skip: int, count: int) -> list[Scene]:
-    """Take `count` scenes of each room type after the first `skip`."""
+def _pick(source: str, settings: SceneSettings, *, trained: bool) -> list[Scene]:
+    """Take the training scenes of each room type, or as many unseen ones after them."""
     check_source(source)
+    skip, count = settings.training_per_type, settings.unseen_per_type
     if source == ROOMS:
-        first = settings.first_room + skip
+        if settings.training:
+            raise InputError("scene.training: names scenes of a folder; leave it out for the built-in rooms.")
+        first, count = (settings.first_room, skip) if trained else (settings.first_room + skip, count)
         return [
             built_in_room(room_type, first + number, settings) for room_type in ROOM_TYPES for number in range(count)
         ]
     by_type = defaultdict(list)
+    names = set()
     for path in scene_files(Path(source)):
-        by_type[load_scene(path, frames=False).room_type].append(path)
-    for room_type, paths in by_type.items():
-        if len(paths) <= skip:
+        scene = load_scene(path, frames=False)
+        by_type[scene.room_type].append((scene.name, path))
+        names.add(scene.name)
+    if missing := set(settings.training) - names:
+        raise InputError(f"scene.training: {source} holds no scene {min(missing)}; it has {', '.join(sorted(names))}.")
+    chosen = []
+    for room_type, scenes in sorted(by_type.items()):
+        named = [path for name, path in scenes if name in settings.training]
+        training = named if settings.training else [path for _, path in scenes[:skip]]
+        unseen = [path for _, path in scenes if path not in training][:count]
+        if not unseen and not trained:
             raise InputError(
-                f"scenes: all {len(paths)} scenes of type {room_type} in {source} are trained, none is left for Task "
+                f"scenes: all {len(scenes)} scenes of type {room_type} in {source} are trained, none is left for Task "
                 "III; add scenes, or lower scene.training_per_type."
             )
-    return [load_scene(path) for room_type in sorted(by_type) for path in by_type[room_type][skip : skip + count]]
+        chosen += training if trained else unseen
+    return [load_scene(path) for path in chosen]
 
 
 def built_in_room(room_type: str, number: int, settings: SceneSettings) -> Scene:
