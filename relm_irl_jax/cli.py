@@ -1,5 +1,6 @@
 """The command `relm-irl`."""
 
+import signal
 import sys
 from dataclasses import replace
 from importlib import import_module
@@ -221,6 +222,8 @@ def _export(command: ExportVizdoom | ExportThor) -> None:
         openers = vizdoom_maps(command.maps, command.settings)
     else:
         openers = thor_scenes(command.scenes, command.settings)
+    # Engines outlive a process that is terminated without stopping them.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     Console().print(export_table(list(export(openers, command.out))))
 
 

@@ -256,27 +256,37 @@ def _states(walker: _Walker, name: str, settings: VizdoomSettings) -> list[Pose]
     region: list[Pose] = []
     with progress_bar(f"walking {name.lower()}", most, "places") as advance:
         for start in walker.starts(most) if settings.start == "objects" else [walker.start]:
-            found = _region(walker, start, most)
-            advance(max(0, len(found) - len(region)))
+            found: list[Pose] = []
+            for place in _region(walker, start, most):
+                found.append(place)
+                if len(found) > len(region):
+                    advance(1)
             region = max(region, found, key=len)
             if len(region) == most:
                 break
     return [place._replace(rotation=heading) for place in region for heading in HEADINGS]
 
 
-def _region(walker: _Walker, start: Pose, most: int) -> list[Pose]:
-    """Places that can be walked to from the start and back, nearest first."""
-    places = [start._replace(rotation=HEADINGS[0])]
-    found = set(places)
-    for place in places:  # grows as places are found
-        for heading in HEADINGS:
-            there = place._replace(rotation=heading)
-            onward = stepped(there, AHEAD)
-            is_new = onward._replace(rotation=HEADINGS[0]) not in found and len(places) < most
-            if is_new and walker.move(there, AHEAD) is not None and walker.move(onward, BACK) is not None:
-                found.add(onward._replace(rotation=HEADINGS[0]))
-                places.append(onward._replace(rotation=HEADINGS[0]))
-    return places
+def _region(walker: _Walker, start: Pose, most: int) -> Iterator[Pose]:
+    """Places that can be walked to from the start and back, nearest first, as they are found."""
+
+    def place(offset: tuple[int, int], heading: float = HEADINGS[0]) -> Pose:
+        # From the start, not from a neighbour: rounding would tell one place's poses apart.
+        return Pose(start.x + GRID_STEP * offset[0], start.z + GRID_STEP * offset[1], heading)
+
+    offsets = [(0, 0)]
+    found = {(0, 0)}
+    yield place((0, 0))
+    for column, row in offsets:  # grows as places are found
+        for heading, (dx, dz) in zip(HEADINGS, ((0, 1), (1, 0), (0, -1), (-1, 0)), strict=True):
+            onward = (column + dx, row + dz)
+            if len(offsets) == most or onward in found:
+                continue
+            there = walker.move(place((column, row), heading), AHEAD)
+            if there is not None and walker.move(place(onward, heading), BACK) is not None:
+                found.add(onward)
+                offsets.append(onward)
+                yield place(onward)
 
 
 def _walked(tics: int) -> float:

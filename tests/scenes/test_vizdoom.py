@@ -6,6 +6,7 @@ import struct
 import sys
 import tempfile
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from relm_irl_jax.scenes.dump import load_scene
 from relm_irl_jax.scenes.record import record_scene
 from relm_irl_jax.scenes.scene import HEADINGS
 from relm_irl_jax.scenes.source import AHEAD, BACK, Pose, stepped
-from relm_irl_jax.scenes.vizdoom import VizdoomSettings, vizdoom_map, vizdoom_maps
+from relm_irl_jax.scenes.vizdoom import VizdoomSettings, _region, vizdoom_map, vizdoom_maps
 
 SETTINGS = VizdoomSettings(states=24, image_size=120)
 UNITS = 64
@@ -82,6 +83,21 @@ def test_views_and_moves_do_not_depend_on_earlier_ones(source):
     again = source.view(pose)
     np.testing.assert_array_equal(again.frame, before.frame)
     assert again.visible == before.visible
+
+
+def test_a_region_holds_each_place_once_and_ends_at_drops():
+    """Thirds of a metre are not exact, so that sums along two ways would differ; a drop leads down at z = 1.9."""
+    start = Pose(1 / 3, 2 / 3, 0)
+
+    def move(pose, action):
+        onward = stepped(pose, action)
+        is_up = pose.z > 1.9 and onward.z < 1.9
+        return onward if abs(onward.x) < 2 and 0 < onward.z < 3 and not is_up else None
+
+    region = list(_region(SimpleNamespace(move=move), start, 1000))
+    assert len({(round(place.x, 3), round(place.z, 3)) for place in region}) == len(region)
+    assert len(region) == 8 * 4  # x from -5/3 to 11/6, z from 1/6 to 5/3; 13/6 and 8/3 lie below
+    assert list(_region(SimpleNamespace(move=move), start, 5)) == region[:5]
 
 
 @pytest.fixture(scope="module")
