@@ -26,6 +26,8 @@ from relm_irl_jax.scenes.rooms import generate_room
 from relm_irl_jax.scenes.scene import ROOM_TYPES
 from relm_irl_jax.scenes.thor import ThorSettings, thor_scenes
 from relm_irl_jax.scenes.vizdoom import VizdoomSettings, vizdoom_maps
+from relm_irl_jax.stages.keyboard import any_task, draw_episode, play_in_terminal, task_of_run
+from relm_irl_jax.stages.playing import Walk
 from relm_irl_jax.stages.playing import play as play_run
 
 
@@ -49,10 +51,10 @@ class Report:
 
 @dataclass(frozen=True)
 class Play:
-    """Watch an agent: one episode in each scene, as a GIF in the run folder."""
+    """Watch an agent: one episode in each scene, as a GIF in the run folder. Or walk yourself, by keyboard."""
 
-    run: tyro.conf.Positional[Path]
-    """Run folder."""
+    run: tyro.conf.Positional[Path | None] = None
+    """Run folder; without one you walk."""
     method: Method = "relm-irl"
     """Whose agent."""
     task: Task = "I"
@@ -61,6 +63,13 @@ class Play:
     """Seed of the agent."""
     episode: NonNegativeInt = 0
     """Number of the episode; another one draws another start and target."""
+    keyboard: bool = False
+    """Walk to a target of the task yourself, in the terminal."""
+    scene: str | None = None
+    """Scene to walk in: one of the run, its first by default; without a run a scene file or a built-in room, by default
+    bathroom-0."""
+    target: str | None = None
+    """Category of objects to walk to, without a run; by default any."""
 
 
 @dataclass(frozen=True)
@@ -184,13 +193,14 @@ def _dispatch(arguments: list[str]) -> None:
 
     @app.command
     def play(command: Annotated[Play, tyro.conf.arg(name="")]) -> None:
-        """Watch an agent: one episode in each scene, as a GIF in the run folder."""
-        folder, config = find_run(command.run)
+        """Watch an agent: one episode in each scene, as a GIF in the run folder. Or walk yourself, by keyboard."""
         console = Console()
+        if command.keyboard or command.run is None:
+            _walk(command, console)
+            return
+        folder, config = find_run(command.run)
         for path, walk in play_run(config, folder, command.method, command.task, command.seed, command.episode):
-            steps = len(walk.states) - 1
-            outcome = f"found after {steps} steps" if walk.success else f"not found in {steps} steps"
-            console.print(f"{path}: {outcome}, shortest path {walk.shortest}", highlight=False, soft_wrap=True)
+            console.print(f"{path}: {_outcome(walk)}", highlight=False, soft_wrap=True)
 
     @app.command
     def scenes(command: Annotated[Generated | Checked | Exported, tyro.conf.arg(name="")]) -> None:
@@ -208,6 +218,21 @@ def _dispatch(arguments: list[str]) -> None:
         import_module(f"relm_irl_jax.benchmarks.{command.name}").main()
 
     app.cli(args=arguments, prog="relm-irl", description="Target-driven visual navigation with learned rewards.")
+
+
+def _walk(command: Play, console: Console) -> None:
+    if command.run is None:
+        scene, targets = any_task(command.scene or "bathroom-0", command.target)
+    else:
+        scene, targets = task_of_run(find_run(command.run)[1], command.task, command.seed, command.scene)
+    start, target = draw_episode(scene, targets, command.seed, command.episode)
+    walk = play_in_terminal(scene, start, target, console)
+    console.print(f"{scene.name}: {_outcome(walk)}", highlight=False, soft_wrap=True)
+
+
+def _outcome(walk: Walk) -> str:
+    steps = len(walk.states) - 1
+    return f"{'found after' if walk.success else 'not found in'} {steps} steps, shortest path {walk.shortest}"
 
 
 def _generate(command: Generate) -> None:

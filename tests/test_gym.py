@@ -106,6 +106,22 @@ def test_an_agent_that_is_done_begins_again_on_its_next_step(room):
     assert len({row.tobytes() for row in np.concatenate(targets)}) == 4  # targets are redrawn, among four best views
 
 
+def test_stable_baselines3_trains_on_it_as_it_is(room):
+    peer = pytest.importorskip("stable_baselines3", reason="stable-baselines3 (extra `peers`) is not installed")
+    checker = pytest.importorskip("stable_baselines3.common.env_checker")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        environment = gymnasium.make(NAME, scene=room, target=[0, 7], cap=20)
+        checker.check_env(environment.unwrapped)
+        learner = peer.A2C("MultiInputPolicy", environment, n_steps=8, policy_kwargs={"net_arch": [16]}, seed=0)
+        before = {name: value.clone() for name, value in learner.policy.state_dict().items()}
+        learner.learn(160)
+    after = learner.policy.state_dict()
+    assert all(value.isfinite().all() for value in after.values())
+    assert all((after[name] != before[name]).any() for name in ("action_net.weight", "value_net.weight"))
+    assert {episode["l"] <= 20 for episode in learner.ep_info_buffer} == {True}
+
+
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
