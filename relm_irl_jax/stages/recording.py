@@ -67,7 +67,12 @@ class FolderRecord(TrainingRecord):
                 console.print(f"{error} This training begins anew.", highlight=False, soft_wrap=True)
                 self._checkpoints.remove()
         if self._board is not None:
-            self._writer = self._open_board(self._board, rows)
+            # Written from the first row on again: what was lost with an earlier attempt is made up for.
+            rmtree(self._board, ignore_errors=True)
+            self._writer = _summary_writer()(str(self._board), flush_secs=FLUSH_SECONDS)
+            self._closing.callback(self._writer.close)
+            for row in rows:
+                self._write(row)
         if rows:
             self._move_bar(rows)
         return state, rows
@@ -76,9 +81,7 @@ class FolderRecord(TrainingRecord):
         """Move the bar, write the last row, and keep the state where the last checkpoint is old enough."""
         self._move_bar(rows)
         if self._writer is not None:
-            for name, value in rows[-1].items():
-                if name != "frames" and math.isfinite(value):
-                    self._writer.add_scalar(name, value, int(self._frames))
+            self._write(rows[-1])
         now = time.monotonic()
         if self._checkpoints is not None and now - self._saved_at >= 60 * self._settings.checkpoint_minutes:
             self._checkpoints.save(state, rows)
@@ -93,17 +96,10 @@ class FolderRecord(TrainingRecord):
         self._advance(int(rows[-1]["frames"] - self._frames))
         self._frames = rows[-1]["frames"]
 
-    def _open_board(self, path: Path, rows: list[Row]) -> Any:
-        """A writer that continues a training's scalars behind the rows that are known, or begins them anew."""
-        if not rows:
-            rmtree(path, ignore_errors=True)
-        behind = int(rows[-1]["frames"]) + 1 if rows else None
-        # The suffix tells this attempt's file from an earlier one's that began in the same second.
-        writer = _summary_writer()(
-            str(path), purge_step=behind, flush_secs=FLUSH_SECONDS, filename_suffix=f".{len(rows)}"
-        )
-        self._closing.callback(writer.close)
-        return writer
+    def _write(self, row: Row) -> None:
+        for name, value in row.items():
+            if name != "frames" and math.isfinite(value):
+                self._writer.add_scalar(name, value, int(row["frames"]))
 
 
 def _summary_writer() -> Any:
