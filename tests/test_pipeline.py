@@ -116,15 +116,14 @@ def test_a_run_is_continued_with_another_method(first, folder, monkeypatch):
 
 
 def test_seeds_at_once_are_the_seeds_alone(first, folder, monkeypatch):
-    options = ("--methods", "rl", "irl", "--seeds", "2", "--siamese.seeds-at-once", "always")
+    options = ("--methods", "rl", "--seeds", "2", "--siamese.seeds-at-once", "always")
     in_process(monkeypatch, folder, "train", "--config", str(EXPERIMENT), "--run", "together", *QUICK, *options)
-    for method in ("rl", "irl"):
-        alone, own, other = (
-            read_table(folder / run / "curves" / f"{method}-seed-{seed}.csv")["reward"]
-            for run, seed in (("one", 0), ("together", 0), ("together", 1))
-        )
-        np.testing.assert_allclose(np.asarray(own, float), np.asarray(alone, float), rtol=1e-4)
-        assert own != other
+    alone, own, other = (
+        read_table(folder / run / "curves" / f"rl-seed-{seed}.csv")["reward"]
+        for run, seed in (("one", 0), ("together", 0), ("together", 1))
+    )
+    np.testing.assert_allclose(np.asarray(own, float), np.asarray(alone, float), rtol=1e-4)
+    assert own != other
     rows = json.loads((folder / "together" / "results.json").read_text())["rows"]
     assert {row["seed"] for row in rows} == {0, 1}
 
