@@ -5,10 +5,12 @@ the learning curve so far and the configuration. The final network is kept elsew
 """
 
 import logging
+import sys
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 from shutil import rmtree
+from textwrap import shorten
 from typing import Any, Self
 
 import jax
@@ -18,6 +20,9 @@ import numpy as np
 from relm_irl_jax.agent.learning import Row, State
 from relm_irl_jax.config import Config, config_from_record, config_record, trained_part
 from relm_irl_jax.errors import InputError
+
+LATE = ("Event loop is closed", "Encountered error while reading")
+"""What reads of a damaged checkpoint say that end once Orbax has given up; not worth a traceback."""
 
 
 class Checkpoints:
@@ -74,10 +79,12 @@ class Checkpoints:
             return None
         args = _orbax().args
         form = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape, x.dtype, sharding=x.sharding), _without_keys(like))
+        hook = sys.unraisablehook
         try:
             step = self._manager().latest_step()
             if step is None:
                 return None
+            sys.unraisablehook = lambda found: None if str(found.exc_value).startswith(LATE) else hook(found)
             found = self._manager().restore(
                 step,
                 args=args.Composite(
@@ -86,8 +93,9 @@ class Checkpoints:
             )
             before = config_from_record(found.config, str(self.path))
         except Exception as error:  # whatever it is that reading damaged files meets
-            reason = (str(error).strip() or type(error).__name__).splitlines()[0][:120]
+            reason = shorten(str(error) or type(error).__name__, 60, placeholder=" …")
             raise InputError(f"{self.path}: the checkpoint cannot be read ({reason}).") from error
+        sys.unraisablehook = hook
         if trained_part(before) != trained_part(self.config):
             raise InputError(f"{self.path}: the checkpoint is of another configuration.")
         return _with_keys(like, found.state), found.rows

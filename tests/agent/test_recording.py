@@ -54,6 +54,7 @@ def test_checkpoints_are_as_far_apart_as_asked(tmp_path):
     assert not RunFolder(tmp_path).checkpoints("rl", 0).exists()
 
 
+@pytest.mark.filterwarnings("error::pytest.PytestUnraisableExceptionWarning")
 def test_a_damaged_checkpoint_costs_no_more_than_its_training(uninterrupted, tmp_path, capsys):
     cut_off(tmp_path, siamese)
     folder = RunFolder(tmp_path).checkpoints("rl", 0)
