@@ -1,12 +1,13 @@
 """Every table and figure of the paper, from scratch; what is finished is kept, so that the same command goes on.
 
     make paper                                all pieces, then runs/paper/report.html
-    make paper PIECE=metric                   one of siamese, metric, elm, stability, ablation, report
+    make paper PIECE=metric                   one of siamese, metric, vizdoom, elm, stability, ablation, report
     make paper PIECE=ablation VARIANT=lp      one variant, and the base that it is compared with
     make paper QUICK=1                        the same code on tiny rooms, in runs/paper-quick
 
 Tables 1 to 3 and Figures 6 and 11 are of the pieces `siamese` (the paper's agent) and `metric`, Figures 7 to 10 of
-`elm`. The presets lie in experiments/paper.
+`elm`. The piece `vizdoom` runs where it is named, since its scenes have to be recorded first. The presets lie in
+experiments/paper.
 """
 
 import sys
@@ -23,13 +24,13 @@ from relm_irl_jax.elm.ablation import PAPER_SIZES
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.progress import console
 from relm_irl_jax.studies.ablation import load_ablation, measure, run_ablation
-from relm_irl_jax.studies.page import write_study
+from relm_irl_jax.studies.page import RUN_TITLES, write_study
 from relm_irl_jax.studies.study import complete, preset
 
 PRESETS = Path(__file__).parent / "paper"
 QUICK = PRESETS / "quick.toml"
 
-Piece = Literal["siamese", "metric", "elm", "stability", "ablation", "report"]
+Piece = Literal["siamese", "metric", "vizdoom", "elm", "stability", "ablation", "report"]
 PIECES: tuple[Piece, ...] = ("siamese", "metric", "elm", "stability", "ablation", "report")
 
 
@@ -64,9 +65,9 @@ def main(settings: Paper) -> Path:
     if unknown:
         raise InputError(f"variants: there is no {unknown[0]}; known are {', '.join(ablation.variants)}.")
     changes = read_record(QUICK) if settings.quick else {}
-    for agent in ("siamese", "metric"):
-        if agent in settings.pieces:
-            complete(replace(preset(PRESETS / f"{agent}.toml", overlays), run=out / agent))
+    for name in RUN_TITLES:
+        if name in settings.pieces:
+            complete(replace(preset(PRESETS / f"{name}.toml", overlays), run=out / name))
     config = preset(PRESETS / "siamese.toml", overlays)
     if "elm" in settings.pieces:
         sizes = tuple(size for size in PAPER_SIZES if size <= 5 * config.elm.hidden)

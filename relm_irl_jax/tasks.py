@@ -198,8 +198,12 @@ def _similar_targets(
 ) -> Iterator[Target]:
     """Best views, in unseen scenes, of categories that were trained in scenes of the same room type.
 
-    Without labels, `count` states a scene.
+    Without labels, `count` states a scene. A scene that shows no such category gets no target.
+
+    Raises:
+        InputError: no scene shows one.
     """
+    missed = 0
     for number, scene in enumerate(unseen):
         if scene.visible_object is None:
             drawn = min(count, len(scene.reachable))
@@ -208,10 +212,14 @@ def _similar_targets(
             continue
         known = {t.category for t in trained if training[t.scene].room_type == scene.room_type}
         views = {category: state for category, state in best_views(scene).items() if category in known}
-        if not views:
-            raise InputError(f"{scene.name}: shows no object of a trained category; leave the scene out of Task III.")
+        missed += not views
         for category, state in sorted(_distinct(views).items()):
             yield Target(number, state, category)
+    if missed and missed == len(unseen):
+        raise InputError(
+            "Task III: no unseen scene shows an object of a trained category; raise tasks.training_targets or "
+            "add scenes."
+        )
 
 
 def _distinct(views: dict[str, int]) -> dict[str, int]:

@@ -69,6 +69,15 @@ def test_similar_targets_are_of_trained_categories_in_unseen_scenes():
         assert target.state == best_views(unseen[target.scene])[target.category]
 
 
+def test_unseen_scenes_that_show_nothing_trained_get_no_target():
+    training, (shown, other) = scenes(0, 3), scenes(10, 2)
+    hidden = replace(other, categories=tuple(f"strange {name}" for name in other.categories))
+    split = draw_split(training, [hidden, shown], SETTINGS, 1)
+    assert {t.scene for t in split.similar} == {1}
+    with pytest.raises(InputError, match="Task III: no unseen scene shows an object of a trained category"):
+        draw_split(training, [hidden], SETTINGS, 1)
+
+
 def test_unseen_scenes_do_not_change_the_other_targets():
     training = scenes(0, 3)
     with_unseen, without = draw_split(training, scenes(10, 2), SETTINGS, 5), draw_split(training, (), SETTINGS, 5)

@@ -16,6 +16,9 @@ RIVALS = ("rl", "irl", "elm-irl")
 
 Verdict = Literal["ahead of", "behind", "not distinguishable from"]
 
+SMALLEST = 0.0005
+"""A mean difference below this is shown as 0.000, and decides nothing."""
+
 
 @dataclass(frozen=True)
 class Difference:
@@ -37,10 +40,13 @@ class Difference:
 
     @property
     def verdict(self) -> Verdict:
-        """`ahead of` or `behind` where the interval excludes zero; one seed has no interval and decides nothing."""
-        if self.value.mean - self.value.half_width > 0:
-            return "ahead of"
-        return "behind" if self.value.mean + self.value.half_width < 0 else "not distinguishable from"
+        """`ahead of` or `behind` where the interval excludes zero and the difference is not below `SMALLEST`.
+
+        One seed has no interval and decides nothing.
+        """
+        if not abs(self.value.mean) > max(self.value.half_width, SMALLEST):
+            return "not distinguishable from"
+        return "ahead of" if self.value.mean > 0 else "behind"
 
 
 def signed(value: Cell) -> str:

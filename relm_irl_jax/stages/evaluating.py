@@ -1,6 +1,7 @@
 """Last stage: every trained agent on one task."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import jax
 import numpy as np
@@ -21,30 +22,72 @@ from relm_irl_jax.tasks import draw_split
 from relm_irl_jax.world import Targets, World, build_targets, scene_offsets
 
 
-def policy_of(
-    config: Config, folder: RunFolder, method: Method, seed: int, world: World, targets: Targets, n_heads: int
-) -> Policy:
-    """The trained agent of a method and seed, ready for scenes and targets.
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """Scenes and targets on which a task is evaluated.
+
+    Attributes:
+        scenes: the scenes that have a target, without their views.
+        world: the same, laid end to end.
+        targets: the targets.
+        n_heads: number of the network's heads.
+    """
+
+    scenes: list[Scene]
+    world: World
+    targets: Targets
+    n_heads: int
+
+
+def ground_of(config: Config, training: EncodedScenes, task: str, seed: int) -> Ground:
+    """Lay out a task as one seed drew it.
+
+    Args:
+        config: the configuration.
+        training: the training scenes.
+        task: `I`, `II` or `III`.
+        seed: the run's seed.
+
+    Returns:
+        Scenes and targets. Unseen scenes that show nothing of what this seed trained are left out.
+
+    Raises:
+        InputError: no unseen scene shows anything of it.
+    """
+    unseen = encode_unseen(config, training) if task == "III" else []
+    scenes = unseen if task == "III" else training.scenes
+    drawn = draw_split(training.scenes, unseen, config.tasks, seed).of_task(task, config.evaluation)
+    numbers = {number: place for place, number in enumerate(sorted({target.scene for target in drawn}))}
+    scenes = [scenes[number] for number in numbers]
+    return Ground(
+        scenes=scenes,
+        world=world_of(config, scenes, training.scenes),
+        targets=build_targets(scenes, [replace(target, scene=numbers[target.scene]) for target in drawn]),
+        n_heads=head_numbers(config, scenes, training.scenes)[1],
+    )
+
+
+def policy_of(config: Config, folder: RunFolder, method: Method, seed: int, ground: Ground) -> Policy:
+    """The trained agent of a method and seed, ready for a task.
 
     Args:
         config: the configuration as run.
         folder: the run folder.
         method: whose agent.
         seed: which seed's agent.
-        world: the scenes.
-        targets: the targets.
-        n_heads: number of the network's heads.
+        ground: scenes and targets.
 
     Returns:
         The policy.
     """
+    world, targets = ground.world, ground.targets
     if method == "random":
         return RandomPolicy()
     parameters = load_parameters(folder.agent(method, seed))
     greedy = config.evaluation.policy == "greedy"
     if config.agent == "metric":
         return metric_policy(metric_network(config.metric), parameters, world, targets, config.metric, greedy=greedy)
-    return network_policy(network_of(config.siamese, n_heads), parameters, world, targets, greedy=greedy)
+    return network_policy(network_of(config.siamese, ground.n_heads), parameters, world, targets, greedy=greedy)
 
 
 def evaluate_task(config: Config, folder: RunFolder, training: EncodedScenes, task: str) -> dict:
@@ -59,9 +102,7 @@ def evaluate_task(config: Config, folder: RunFolder, training: EncodedScenes, ta
     Returns:
         The contents of `results.json`, which is written.
     """
-    unseen = encode_unseen(config, training) if task == "III" else []
-    scenes = unseen if task == "III" else training.scenes
-    world = world_of(config, scenes, training.scenes)
+    grounds = [ground_of(config, training, task, seed) for seed in range(config.seeds)]
     rows, learned = [], {}
     jobs = [
         (seed, method)
@@ -71,15 +112,13 @@ def evaluate_task(config: Config, folder: RunFolder, training: EncodedScenes, ta
     ]
     with progress_bar(f"evaluating task {task}", len(jobs), "agents") as advance:
         for seed, method in jobs:
-            split = draw_split(training.scenes, unseen, config.tasks, seed)
-            targets = build_targets(scenes, split.of_task(task, config.evaluation))
-            n_heads = head_numbers(config, scenes, training.scenes)[1]
-            policy = policy_of(config, folder, method, seed, world, targets, n_heads)
+            ground = grounds[seed]
+            policy = policy_of(config, folder, method, seed, ground)
             if seed == 0 and isinstance(policy, MetricPolicy):
-                learned[method] = policy, targets
+                learned[method] = policy
             key = jax.random.fold_in(jax.random.key(seed), 1)
-            episodes = evaluate(key, policy, world, targets, config.tasks.cap, config.evaluation.episodes)
-            for number, scene in enumerate(scenes):
+            episodes = evaluate(key, policy, ground.world, ground.targets, config.tasks.cap, config.evaluation.episodes)
+            for number, scene in enumerate(ground.scenes):
                 measured = metrics(episodes, number)
                 rows.append(
                     {
@@ -95,25 +134,22 @@ def evaluate_task(config: Config, folder: RunFolder, training: EncodedScenes, ta
                 )
             advance(1)
     if learned:
-        _map_distances(folder, task, scenes, learned)
+        _map_distances(folder, task, grounds[0], learned)
     results = {"task": task, "cap": config.tasks.cap, "encoder": training.encoder_name, "rows": rows}
     write_json(folder.file(f"results-{task}.json"), results)
     write_json(folder.file("results.json"), results)
     return results
 
 
-def _map_distances(
-    folder: RunFolder, task: str, scenes: Sequence[Scene], learned: Mapping[Method, tuple[MetricPolicy, Targets]]
-) -> None:
+def _map_distances(folder: RunFolder, task: str, ground: Ground, learned: Mapping[Method, MetricPolicy]) -> None:
     """Map true and learned distances to the first target of the first room of each type."""
-    offsets = scene_offsets(scenes)
-    _, targets = next(iter(learned.values()))
+    scenes, targets, offsets = ground.scenes, ground.targets, scene_offsets(ground.scenes)
     for number in {scene.room_type: n for n, scene in reversed(list(enumerate(scenes)))}.values():
         scene, row = scenes[number], int(np.flatnonzero(np.asarray(targets.scene) == number)[0])
         target = int(targets.state[row]) - offsets[number]
         maps = {"Shortest path": scene.shortest_path_distance[:, target].astype(float)}
         own = slice(offsets[number], offsets[number] + scene.n_states)
-        for method, (policy, _) in learned.items():
+        for method, policy in learned.items():
             maps[METHOD_NAMES[method]] = np.asarray(
                 distance(policy.places.here[own], policy.wanted[row], policy.settings), float
             )

@@ -21,11 +21,9 @@ from relm_irl_jax.report.tables import METHOD_NAMES
 from relm_irl_jax.runs import RunFolder
 from relm_irl_jax.scenes.catalog import training_scenes, unseen_scenes
 from relm_irl_jax.scenes.scene import GRID_STEP, Scene
-from relm_irl_jax.stages.encoding import EncodedScenes, encode_training, encode_unseen
-from relm_irl_jax.stages.evaluating import policy_of
-from relm_irl_jax.stages.training import head_numbers, world_of
-from relm_irl_jax.tasks import draw_split
-from relm_irl_jax.world import Targets, World, build_targets, scene_offsets
+from relm_irl_jax.stages.encoding import EncodedScenes, encode_training
+from relm_irl_jax.stages.evaluating import Ground, ground_of, policy_of
+from relm_irl_jax.world import scene_offsets
 
 FRAME_MILLISECONDS = 250
 """Time that each step is shown; the last one stays four times as long."""
@@ -122,36 +120,27 @@ def walks_of(
     Returns:
         Scenes with their views, and walks.
     """
-    unseen = encode_unseen(config, training) if task == "III" else []
-    scenes = unseen if task == "III" else training.scenes
+    ground = ground_of(config, training, task, seed)
     pictured = (unseen_scenes if task == "III" else training_scenes)(config.scenes, config.scene)
-    split = draw_split(training.scenes, unseen, config.tasks, seed)
-    world = world_of(config, scenes, training.scenes)
-    targets = build_targets(scenes, split.of_task(task, config.evaluation))
-    n_heads = head_numbers(config, scenes, training.scenes)[1]
-    policy = policy_of(config, folder, method, seed, world, targets, n_heads)
-    walks = walk_all(
-        jax.random.fold_in(jax.random.key(seed), episode), policy, world, targets, scenes, config.tasks.cap
-    )
-    return list(zip(pictured, walks, strict=True))
+    names = [scene.name for scene in pictured]
+    policy = policy_of(config, folder, method, seed, ground)
+    walks = walk_all(jax.random.fold_in(jax.random.key(seed), episode), policy, ground, config.tasks.cap)
+    return [(pictured[names.index(scene.name)], walk) for scene, walk in zip(ground.scenes, walks, strict=True)]
 
 
-def walk_all(
-    key: jax.Array, policy: Policy, world: World, targets: Targets, scenes: list[Scene], cap: int
-) -> list[Walk]:
+def walk_all(key: jax.Array, policy: Policy, ground: Ground, cap: int) -> list[Walk]:
     """One episode in each scene.
 
     Args:
         key: source of all randomness.
         policy: the agent.
-        world: the scenes.
-        targets: the targets.
-        scenes: the same scenes, as arrays on the host.
+        ground: scenes and targets.
         cap: most steps.
 
     Returns:
         One walk a scene.
     """
+    scenes, world, targets = ground.scenes, ground.world, ground.targets
     lane = scene_lanes(targets, len(scenes), 1)
     reset_key, key = jax.random.split(key)
     each = lambda function: jax.vmap(jax.vmap(function))  # noqa: E731

@@ -3,9 +3,7 @@
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import get_args
 
-from relm_irl_jax.config import Agent
 from relm_irl_jax.report.comparison import Difference, differences, statement
 from relm_irl_jax.report.page import circumstances, run_sections, write_page
 from relm_irl_jax.runs import find_run, read_all_results, read_table, write_table
@@ -17,10 +15,12 @@ CLAIM = (
     "length (SPL) on all three tasks, and a higher success rate (SR) on new targets and in unseen scenes."
 )
 
-AGENT_TITLES = {
+RUN_TITLES = {
     "siamese": "The paper's agent: the siamese actor-critic",
     "metric": "The metric agent: distances between views, not the paper's",
+    "vizdoom": "The metric agent in scenes recorded from ViZDoom",
 }
+"""Runs of a study on all tasks, by the names of their folders."""
 
 
 def write_study(out: Path, lines: Sequence[Measured]) -> Path:
@@ -33,21 +33,21 @@ def write_study(out: Path, lines: Sequence[Measured]) -> Path:
     Returns:
         The Markdown file.
     """
-    runs = [(agent, *find_run(out / agent)) for agent in get_args(Agent) if list((out / agent).glob("results-*.json"))]
+    runs = [(name, *find_run(out / name)) for name in RUN_TITLES if list((out / name).glob("results-*.json"))]
     text = ["# RELM-IRL: every table and figure, measured", "", CLAIM, ""]
-    for agent, folder, _ in runs:
+    for name, folder, _ in runs:
         found = differences(read_all_results(folder))
-        text += [f"**{AGENT_TITLES[agent]}.** {tally(found)}", "", *(f"- {line}" for line in statement(found)), ""]
+        text += [f"**{RUN_TITLES[name]}.** {tally(found)}", "", *(f"- {line}" for line in statement(found)), ""]
     text += [
         "These sentences are worded by the intervals alone: *ahead of* and *behind* where the 95% interval of the "
         "difference over seeds excludes zero. Seeds are 0, 1, …; none is left out.",
         "",
     ]
-    for agent, folder, config in runs:
-        text += [f"## {AGENT_TITLES[agent]}", "", *run_sections(folder, config, out, "###", worded=False)]
+    for name, folder, config in runs:
+        text += [f"## {RUN_TITLES[name]}", "", *run_sections(folder, config, out, "###", worded=False)]
     text += [*_machine_figures(out), *_ablations(out, lines), *_stability(out)]
-    for agent, folder, config in runs:
-        text += [f"## Circumstances: {agent} agent", "", *circumstances(folder, config, "###")]
+    for name, folder, config in runs:
+        text += [f"## Circumstances: {RUN_TITLES[name]}", "", *circumstances(folder, config, "###")]
     return write_page(text, out)
 
 
@@ -118,7 +118,7 @@ def _ablations(out: Path, lines: Sequence[Measured]) -> list[str]:
     ]
     for agent in dict.fromkeys(line.agent for line in lines):
         own = [line for line in lines if line.agent == agent]
-        text += [f"### {AGENT_TITLES[agent]}", "", f"{own[0].frames:,} training frames, {own[0].seeds} seeds.", ""]
+        text += [f"### {RUN_TITLES[agent]}", "", f"{own[0].frames:,} training frames, {own[0].seeds} seeds.", ""]
         text += [ablation_table(own, "sr"), "", ablation_table(own, "spl"), ""]
     return text
 

@@ -18,7 +18,7 @@ from relm_irl_jax.studies.ablation import (
     load_ablation,
     measure,
 )
-from relm_irl_jax.studies.page import write_study
+from relm_irl_jax.studies.page import RUN_TITLES, write_study
 from relm_irl_jax.studies.study import TASKS, finished, preset
 
 PRESETS = Path(__file__).parents[2] / "experiments" / "paper"
@@ -29,18 +29,23 @@ SMALL = Ablation(
 )
 
 
-@pytest.mark.parametrize("agent", ["siamese", "metric"])
-def test_the_tables_are_of_all_methods_and_five_seeds(agent):
-    config = preset(PRESETS / f"{agent}.toml")
+@pytest.mark.parametrize("name", RUN_TITLES)
+def test_the_tables_are_of_all_methods_and_five_seeds(name):
+    config = preset(PRESETS / f"{name}.toml")
+    agent = "siamese" if name == "siamese" else "metric"
     assert (config.agent, config.seeds, config.evaluation.episodes) == (agent, 5, 1000)
     assert len(config.chosen_methods()) == 5
-    quick = preset(PRESETS / f"{agent}.toml", [PRESETS / "quick.toml"])
+    quick = preset(PRESETS / f"{name}.toml", [PRESETS / "quick.toml"])
     assert (quick.agent, quick.scene.size) == (agent, "tiny")
 
 
 def test_every_variant_changes_its_base():
     ablation = load_ablation(PRESETS / "ablation.toml")
-    assert {p.name for p in PRESETS.iterdir()} == {"siamese.toml", "metric.toml", "quick.toml", "ablation.toml"}
+    assert {p.name for p in PRESETS.iterdir()} == {
+        *(f"{name}.toml" for name in RUN_TITLES),
+        "quick.toml",
+        "ablation.toml",
+    }
     for changes in ({}, read_record(PRESETS / "quick.toml")):
         base = configure(ablation, BASE, "siamese", changes, Path("x"))
         for name, variant in ablation.variants.items():
