@@ -14,6 +14,7 @@ import numpy as np
 from relm_irl_jax.agent.metric.costs import Goals
 from relm_irl_jax.elm import ELMRegressor
 from relm_irl_jax.errors import InputError
+from relm_irl_jax.progress import progress_bar
 from relm_irl_jax.rewards.assemble import ManualSettings
 from relm_irl_jax.rewards.demonstrations import DemonstratedReward, IrlSettings, RewardBasis
 from relm_irl_jax.rewards.prediction import pair_inputs
@@ -109,8 +110,13 @@ def predicted_goals(
     basis: RewardBasis,
     settings: IrlSettings,
     generator: np.random.Generator,
+    *,
+    follow: bool = False,
 ) -> Goals:
     """Goals of ELM-IRL and RELM-IRL: any view, at the price that the machine predicts for the pair of views.
+
+    The pair is that of an imagined start and the goal, −ŵ(s₀, g)·(φ(s) − φ(g)), ŵ being the mean over some starts; or
+    that of each view on the way and the goal, −ŵ(s, g)·(φ(s) − φ(g)), a reward that follows the agent.
 
     Args:
         scenes: training scenes.
@@ -120,11 +126,14 @@ def predicted_goals(
         basis: φ.
         settings: the inverse reinforcement learning's settings.
         generator: source of randomness of the imagined starts.
+        follow: whether the prediction follows the agent.
 
     Returns:
         The goals.
     """
     states = goal_states(scenes, split, hindsight)
+    if follow:
+        return _goals(states, _following_costs(scenes, states, machine, basis, settings), split)
     weights = []
     for scene, own in zip(scenes, states, strict=True):
         starts = generator.choice(scene.reachable, (IMAGINED_STARTS, len(own)))
@@ -147,9 +156,35 @@ def _linear_costs(
         cost = -w @ phi.T
         if settings.program.form == "cost":
             cost += (w * phi[own]).sum(1)[:, None]
-        r_max = settings.program.r_max
-        costs.append(np.clip(cost, settings.least_cost * r_max, r_max))
+        costs.append(_clipped(cost, settings))
     return costs
+
+
+def _following_costs(
+    scenes: Sequence[Scene],
+    states: Sequence[np.ndarray],
+    machine: ELMRegressor,
+    basis: RewardBasis,
+    settings: IrlSettings,
+) -> list[np.ndarray]:
+    """−ŵ(s, g)·(φ(s) − φ(g)) for every state and goal, clipped; in the free form −ŵ(s, g)·φ(s)."""
+    costs = []
+    with progress_bar("predicting rewards", sum(map(len, states)), "goals") as advance:
+        for scene, own in zip(scenes, states, strict=True):
+            views, phi = scene.encoded, basis(scene.encoded)
+            cost = np.empty((len(own), scene.n_states))
+            for row, goal in enumerate(own.tolist()):
+                w = machine.predict(pair_inputs(views, np.broadcast_to(views[goal], views.shape)))
+                away = phi - phi[goal] if settings.program.form == "cost" else phi
+                cost[row] = -(w * away).sum(1)
+                advance(1)
+            costs.append(_clipped(cost, settings))
+    return costs
+
+
+def _clipped(cost: np.ndarray, settings: IrlSettings) -> np.ndarray:
+    r_max = settings.program.r_max
+    return np.clip(cost, settings.least_cost * r_max, r_max)
 
 
 def _goals(states: Sequence[np.ndarray], costs: Sequence[np.ndarray], split: TaskSplit) -> Goals:

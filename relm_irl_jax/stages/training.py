@@ -263,7 +263,10 @@ def goals_of(
     if hindsight == "none" and config.metric.imagine:
         hindsight = "strict"
     generator = np.random.default_rng([seed, 5])
-    return predicted_goals(scenes, split, hindsight, learned.machines[method], learned.basis, config.irl, generator)
+    machine = learned.machines[method]
+    return predicted_goals(
+        scenes, split, hindsight, machine, learned.basis, config.irl, generator, follow=config.elm.follow
+    )
 
 
 def cloned_decisions(

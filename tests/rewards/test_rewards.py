@@ -12,8 +12,9 @@ from relm_irl_jax.env import Episode
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.rewards.assemble import ManualSettings, demonstrated_reward, manual_reward, predicted_reward
 from relm_irl_jax.rewards.demonstrations import IrlSettings, RewardBasis, fit_basis, learn_rewards
+from relm_irl_jax.rewards.goals import IMAGINED_STARTS, predicted_goals
 from relm_irl_jax.rewards.model import LinearReward
-from relm_irl_jax.rewards.prediction import ElmSettings, fit_machine, pair_data
+from relm_irl_jax.rewards.prediction import ElmSettings, fit_machine, pair_data, pair_inputs
 from relm_irl_jax.rewards.quality import judge
 from relm_irl_jax.tasks import Target, TaskSettings, draw_split
 from relm_irl_jax.world import build_targets, build_world
@@ -169,6 +170,28 @@ def test_predictions_follow_the_pairs_they_were_fitted_on(rooms, split, learned)
     pair = np.concatenate([rooms[target.scene].encoded[start], rooms[target.scene].encoded[target.state]])
     expected = regularised.predict(pair[None])[0]
     np.testing.assert_allclose(np.asarray(model.weights)[int(model.row[row, start])], expected, rtol=1e-4, atol=1e-6)
+
+
+@pytest.mark.parametrize("follow", [False, True])
+def test_goals_cost_what_the_machine_predicts(rooms, split, learned, follow):
+    """Against predictions one by one; each goal's mean cost is 1."""
+    basis, records = learned
+    data = pair_data(rooms, records, 80, np.random.default_rng(0))
+    machine = fit_machine(data, ElmSettings(hidden=60), 0, regularised=True)
+    generator = np.random.default_rng(5)
+    goals = predicted_goals(rooms, split, "strict", machine, basis, IRL, generator, follow=follow)
+    assert not set(np.asarray(goals.state)[0][: int(goals.count[0])]) & split.evaluation_only(0)
+    views, phi = rooms[0].encoded, basis(rooms[0].encoded)
+    starts = np.random.default_rng(5).choice(rooms[0].reachable, (IMAGINED_STARTS, int(goals.count[0])))
+    for column in (0, 7):
+        goal = int(goals.state[0, column])
+        drawn = machine.predict(pair_inputs(views[starts[:, column]], np.repeat(views[[goal]], IMAGINED_STARTS, 0)))
+        expected = np.empty(len(views))
+        for state in range(len(views)):
+            pair = pair_inputs(views[[state]], views[[goal]])
+            w = machine.predict(pair)[0] if follow else drawn.mean(0)
+            expected[state] = np.clip(-w @ (phi[state] - phi[goal]), IRL.least_cost, 1.0)
+        np.testing.assert_allclose(np.asarray(goals.cost)[0, column, :48], expected / expected.mean(), rtol=1e-5)
 
 
 def test_judgement_by_hand():

@@ -15,6 +15,7 @@ see the same parameters, so the layers computed while acting serve the gradient 
 """
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import cast
 
 import flax.linen as nn
@@ -81,16 +82,18 @@ class SiameseActorCritic(nn.Module):
         """Declare the layers."""
         he = nn.initializers.he_normal()
         stacked = nn.initializers.variance_scaling(2.0, "fan_in", "truncated_normal", batch_axis=(0,))
-        small = nn.initializers.variance_scaling(1e-4, "fan_in", "truncated_normal", batch_axis=(0,))
+        # Few outputs stand in rows: the gradient in them is then a few long rows, which is three times as fast.
+        rows = partial(nn.initializers.variance_scaling, in_axis=-1, out_axis=-2, batch_axis=(0,))
+        small, plain = rows(1e-4, "fan_in", "truncated_normal"), rows(2.0, "fan_in", "truncated_normal")
         zeros = nn.initializers.zeros
         self.shared = nn.Dense(self.width, kernel_init=he)
         self.fusion_state = nn.Dense(self.width)
         self.fusion_target = nn.Dense(self.width, use_bias=False)
         self.head_kernel = self.param("head_kernel", stacked, (self.n_heads, self.width, self.width))
         self.head_bias = self.param("head_bias", zeros, (self.n_heads, 1, self.width))
-        self.policy_kernel = self.param("policy_kernel", small, (self.n_heads, self.width, len(ACTIONS)))
+        self.policy_kernel = self.param("policy_kernel", small, (self.n_heads, len(ACTIONS), self.width))
         self.policy_bias = self.param("policy_bias", zeros, (self.n_heads, 1, len(ACTIONS)))
-        self.value_kernel = self.param("value_kernel", stacked, (self.n_heads, self.width, 1))
+        self.value_kernel = self.param("value_kernel", plain, (self.n_heads, 1, self.width))
         self.value_bias = self.param("value_bias", zeros, (self.n_heads, 1, 1))
 
     def tables(
@@ -181,8 +184,9 @@ class SiameseActorCritic(nn.Module):
         Returns:
             Action logits and values.
         """
-        logits = hidden @ self.policy_kernel[head] + self.policy_bias[head]
-        value = hidden @ self.value_kernel[head] + self.value_bias[head]
+        onto = partial(jnp.einsum, "gbw,gow->gbo", hidden)
+        logits = onto(self.policy_kernel[head]) + self.policy_bias[head]
+        value = onto(self.value_kernel[head]) + self.value_bias[head]
         return logits, value[..., 0]
 
     def __call__(
