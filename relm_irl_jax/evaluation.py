@@ -103,7 +103,7 @@ def network_policy(
     Returns:
         The policy.
     """
-    tables = tabulate(network, parameters, world.features, targets.state)
+    tables = tabulate(network, parameters, world.features, targets.state, None, targets.predicted)
     first_state = jnp.searchsorted(world.scene, jnp.arange(_n_scenes(world)))
     return NetworkPolicy(parameters, tables, world.head[first_state], network, greedy)
 

@@ -233,7 +233,22 @@ def load_parameters(path: Path) -> Parameters:
     Raises:
         InputError: the file is damaged.
     """
+    return unflatten_dict(load_arrays(path), sep="/")
+
+
+def load_arrays(path: Path) -> dict[str, np.ndarray]:
+    """Read arrays.
+
+    Args:
+        path: the file.
+
+    Returns:
+        Arrays by name.
+
+    Raises:
+        InputError: the file is damaged.
+    """
     try:
-        return unflatten_dict(load(path.read_bytes()), sep="/")
+        return load(path.read_bytes())
     except (SafetensorError, OSError) as error:
         raise InputError(f"{path}: cannot be read ({error}); remove it to train the agent again.") from error

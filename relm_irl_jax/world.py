@@ -50,6 +50,8 @@ class Targets:
         n_starts: number of valid entries in each row of `start`.
         distance: least number of actions to the target from each local state of its scene; -1 where there is no
             path and in the padding.
+        predicted: reward predicted for each state of the world on the way to the target, r̂(s, g) in [-1, 0], where the
+            agent sees it; 0 in other scenes.
     """
 
     state: Int32[Array, "targets"]
@@ -57,6 +59,7 @@ class Targets:
     start: Int32[Array, "targets starts"]
     n_starts: Int32[Array, "targets"]
     distance: Int32[Array, "targets locals"]
+    predicted: Float32[Array, "targets states"] | None = None
 
 
 def build_world(scenes: Sequence[Scene], heads: Sequence[int]) -> World:

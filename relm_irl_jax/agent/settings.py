@@ -16,6 +16,12 @@ class SiameseSettings:
     """Units of each hidden layer."""
     history: PositiveInt = 1
     """Last views that the network sees at once; the paper's is one, the original target-driven agent's four."""
+    fusion: Literal["concatenation", "comparison"] = "concatenation"
+    """What the fusion layer sees: the encodings of view and target side by side, as in the paper, or also the product,
+    which tells how alike they are."""
+    sees_reward: bool = False
+    """Whether the fusion layer also sees the reward that ELM-IRL or RELM-IRL predicts for the current view and the
+    target; other methods predict none, and see 0."""
     heads: Literal["room_type", "shared", "scene"] = "room_type"
     """Which scenes share the last hidden layer, the policy and the value. `scene` is the original agent's choice, which
     leaves scenes that were not trained without a head."""

@@ -4,14 +4,16 @@ from collections.abc import Sequence
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float32
 from pydantic.dataclasses import dataclass as settings_dataclass
 
 from relm_irl_jax.elm import ELMRegressor
 from relm_irl_jax.rewards.demonstrations import DemonstratedReward, IrlSettings, RewardBasis
 from relm_irl_jax.rewards.model import LinearReward, ManualReward
-from relm_irl_jax.rewards.prediction import ElmSettings, pair_inputs
+from relm_irl_jax.rewards.prediction import ElmSettings, pair_inputs, predicted_here
 from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.tasks import Target
+from relm_irl_jax.world import scene_offsets
 
 
 @settings_dataclass(frozen=True)
@@ -102,6 +104,35 @@ def predicted_reward(
         row[number, :size] = first + np.arange(size)
         first += size
     return _linear(np.concatenate(weights), row, scenes, basis, settings, follow=elm.follow)
+
+
+def predicted_inputs(
+    scenes: Sequence[Scene],
+    targets: Sequence[Target],
+    machine: ELMRegressor,
+    basis: RewardBasis,
+    settings: IrlSettings,
+) -> Float32[np.ndarray, "targets states"]:
+    """The predicted reward as something that the agent sees.
+
+    Args:
+        scenes: scenes of the world.
+        targets: targets in the order of `relm_irl_jax.world.Targets`.
+        machine: the fitted machine.
+        basis: φ.
+        settings: the inverse reinforcement learning's settings.
+
+    Returns:
+        r̂(s, g) / r_max, clipped to [-1, 0], or to [-1, 1] in the free form; 0 in other scenes than the target's.
+    """
+    offsets = scene_offsets(scenes)
+    seen = np.zeros((len(targets), sum(scene.n_states for scene in scenes)), np.float32)
+    form, r_max = settings.program.form, settings.program.r_max
+    for row, target in enumerate(targets):
+        scene, first = scenes[target.scene], offsets[target.scene]
+        reward = predicted_here(scene.encoded, target.state, machine, basis, form) / r_max
+        seen[row, first : first + scene.n_states] = np.clip(reward, -1, 0 if form == "cost" else 1)
+    return seen
 
 
 def _linear(

@@ -17,7 +17,7 @@ from relm_irl_jax.errors import InputError
 from relm_irl_jax.progress import progress_bar
 from relm_irl_jax.rewards.assemble import ManualSettings
 from relm_irl_jax.rewards.demonstrations import DemonstratedReward, IrlSettings, RewardBasis
-from relm_irl_jax.rewards.prediction import pair_inputs
+from relm_irl_jax.rewards.prediction import pair_inputs, predicted_here
 from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.tasks import TaskSplit
 
@@ -171,12 +171,9 @@ def _following_costs(
     costs = []
     with progress_bar("predicting rewards", sum(map(len, states)), "goals") as advance:
         for scene, own in zip(scenes, states, strict=True):
-            views, phi = scene.encoded, basis(scene.encoded)
             cost = np.empty((len(own), scene.n_states))
             for row, goal in enumerate(own.tolist()):
-                w = machine.predict(pair_inputs(views, np.broadcast_to(views[goal], views.shape)))
-                away = phi - phi[goal] if settings.program.form == "cost" else phi
-                cost[row] = -(w * away).sum(1)
+                cost[row] = -predicted_here(scene.encoded, goal, machine, basis, settings.program.form)
                 advance(1)
             costs.append(_clipped(cost, settings))
     return costs

@@ -11,7 +11,7 @@ from pydantic.dataclasses import dataclass as settings_dataclass
 
 from relm_irl_jax.elm import ELMRegressor
 from relm_irl_jax.progress import progress_bar
-from relm_irl_jax.rewards.demonstrations import DemonstratedReward
+from relm_irl_jax.rewards.demonstrations import DemonstratedReward, RewardBasis
 from relm_irl_jax.scenes.scene import Scene
 
 
@@ -63,6 +63,32 @@ def pair_inputs(
         The machine's inputs.
     """
     return np.concatenate([start, target], axis=1)
+
+
+def predicted_here(
+    views: Float32[np.ndarray, "states feature"],
+    goal: int,
+    machine: ELMRegressor,
+    basis: RewardBasis,
+    form: Literal["cost", "free"],
+) -> Float64[np.ndarray, "states"]:
+    """Reward that the machine predicts for being in each state of a scene, from that state's own view.
+
+        r̂(s, g) = ŵ(s, g)·(φ(s) − φ(g))   in the cost form,   ŵ(s, g)·φ(s)   in the free form
+
+    Args:
+        views: view features of the scene.
+        goal: the target's state.
+        machine: the fitted machine.
+        basis: φ.
+        form: form of the reward.
+
+    Returns:
+        The rewards, unclipped.
+    """
+    phi = basis(views)
+    w = machine.predict(pair_inputs(views, np.broadcast_to(views[goal], views.shape)))
+    return (w * (phi - phi[goal] if form == "cost" else phi)).sum(1)
 
 
 def pair_data(

@@ -9,6 +9,7 @@ import numpy as np
 from relm_irl_jax.agent.metric.network import distance, metric_network
 from relm_irl_jax.agent.siamese.train import network_of
 from relm_irl_jax.config import METHODS, Config, Method
+from relm_irl_jax.elm import load_elm
 from relm_irl_jax.evaluation import MetricPolicy, Policy, RandomPolicy, evaluate, metric_policy, metrics, network_policy
 from relm_irl_jax.progress import progress_bar
 from relm_irl_jax.report.figures import save_figure
@@ -17,8 +18,9 @@ from relm_irl_jax.report.tables import METHOD_NAMES
 from relm_irl_jax.runs import RunFolder, load_parameters, write_json
 from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.stages.encoding import EncodedScenes, encode_unseen
-from relm_irl_jax.stages.training import head_numbers, world_of
-from relm_irl_jax.tasks import draw_split
+from relm_irl_jax.stages.learning import PREDICTED, load_basis
+from relm_irl_jax.stages.training import head_numbers, sighted, world_of
+from relm_irl_jax.tasks import Target, draw_split
 from relm_irl_jax.world import Targets, World, build_targets, scene_offsets
 
 
@@ -30,12 +32,14 @@ class Ground:
         scenes: the scenes that have a target, without their views.
         world: the same, laid end to end.
         targets: the targets.
+        chosen: the same targets as drawn; `Target.scene` numbers `scenes`.
         n_heads: number of the network's heads.
     """
 
     scenes: list[Scene]
     world: World
     targets: Targets
+    chosen: list[Target]
     n_heads: int
 
 
@@ -59,10 +63,12 @@ def ground_of(config: Config, training: EncodedScenes, task: str, seed: int) -> 
     drawn = draw_split(training.scenes, unseen, config.tasks, seed).of_task(task, config.evaluation)
     numbers = {number: place for place, number in enumerate(sorted({target.scene for target in drawn}))}
     scenes = [scenes[number] for number in numbers]
+    chosen = [replace(target, scene=numbers[target.scene]) for target in drawn]
     return Ground(
         scenes=scenes,
         world=world_of(config, scenes, training.scenes),
-        targets=build_targets(scenes, [replace(target, scene=numbers[target.scene]) for target in drawn]),
+        targets=build_targets(scenes, chosen),
+        chosen=chosen,
         n_heads=head_numbers(config, scenes, training.scenes)[1],
     )
 
@@ -87,6 +93,10 @@ def policy_of(config: Config, folder: RunFolder, method: Method, seed: int, grou
     greedy = config.evaluation.policy == "greedy"
     if config.agent == "metric":
         return metric_policy(metric_network(config.metric), parameters, world, targets, config.metric, greedy=greedy)
+    if config.siamese.sees_reward:
+        machine_ = load_elm(folder.rewards(seed, f"{method}.safetensors")) if method in PREDICTED else None
+        basis = load_basis(folder.rewards(seed, "demonstrated.safetensors")) if method in PREDICTED else None
+        targets = sighted(config, targets, ground.scenes, ground.chosen, machine_, basis)
     return network_policy(network_of(config.siamese, ground.n_heads), parameters, world, targets, greedy=greedy)
 
 

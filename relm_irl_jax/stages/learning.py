@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -14,9 +15,12 @@ from relm_irl_jax.report.tables import METHOD_NAMES
 from relm_irl_jax.rewards.demonstrations import DemonstratedReward, RewardBasis, fit_basis, learn_rewards
 from relm_irl_jax.rewards.prediction import fit_machine, pair_data, pair_inputs
 from relm_irl_jax.rewards.quality import judge, judge_predictions
-from relm_irl_jax.runs import RunFolder, save_arrays, write_table
+from relm_irl_jax.runs import RunFolder, load_arrays, save_arrays, write_table
 from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.tasks import TaskSplit
+
+PREDICTED: tuple[Method, ...] = ("elm-irl", "relm-irl")
+"""Methods whose reward a machine predicts."""
 
 
 @dataclass(frozen=True)
@@ -80,6 +84,22 @@ def learn(
     if maps and seed == 0:
         _map_rewards(scenes, split, learned, folder)
     return learned
+
+
+def load_basis(path: Path) -> RewardBasis:
+    """Read φ as `learn` kept it.
+
+    Args:
+        path: the file of demonstrated rewards.
+
+    Returns:
+        φ.
+
+    Raises:
+        InputError: the file cannot be read.
+    """
+    arrays = load_arrays(path)
+    return RewardBasis(arrays["mean"], arrays["components"])
 
 
 def _map_rewards(scenes: Sequence[Scene], split: TaskSplit, learned: LearnedRewards, folder: RunFolder) -> None:

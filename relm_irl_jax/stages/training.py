@@ -4,6 +4,7 @@ import dataclasses
 from collections.abc import Sequence
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from relm_irl_jax.agent.learning import LearningCurve, Parameters
@@ -13,18 +14,19 @@ from relm_irl_jax.agent.siamese.cloning import CloningCurve, Decisions, clone, d
 from relm_irl_jax.agent.siamese.seeds import train_seeds
 from relm_irl_jax.agent.siamese.train import train
 from relm_irl_jax.config import Config, Method
+from relm_irl_jax.elm import ELMRegressor
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.progress import progress_bar
-from relm_irl_jax.rewards.assemble import demonstrated_reward, manual_reward, predicted_reward
-from relm_irl_jax.rewards.demonstrations import demonstrations_of
+from relm_irl_jax.rewards.assemble import demonstrated_reward, manual_reward, predicted_inputs, predicted_reward
+from relm_irl_jax.rewards.demonstrations import RewardBasis, demonstrations_of
 from relm_irl_jax.rewards.goals import demonstrated_goals, manual_goals, predicted_goals
 from relm_irl_jax.rewards.model import RewardModel
 from relm_irl_jax.runs import RunFolder, save_parameters, write_table
 from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.stages.learning import LearnedRewards
 from relm_irl_jax.stages.recording import FolderRecord
-from relm_irl_jax.tasks import TaskSplit
-from relm_irl_jax.world import World, build_targets, build_world, scene_offsets
+from relm_irl_jax.tasks import Target, TaskSplit
+from relm_irl_jax.world import Targets, World, build_targets, build_world, scene_offsets
 
 
 def head_numbers(config: Config, scenes: Sequence[Scene], training: Sequence[Scene]) -> tuple[list[int], int]:
@@ -103,6 +105,56 @@ def reward_of(
     return model, scale
 
 
+def sighted(
+    config: Config,
+    targets: Targets,
+    scenes: Sequence[Scene],
+    chosen: Sequence[Target],
+    machine: ELMRegressor | None,
+    basis: RewardBasis | None,
+) -> Targets:
+    """Targets with the predicted reward of every view on the way, where the agent sees it.
+
+    Args:
+        config: the configuration.
+        targets: the targets.
+        scenes: encoded scenes of the world.
+        chosen: the same targets, as drawn.
+        machine: the method's fitted machine; None for methods that predict no reward, whose agents see 0.
+        basis: φ, where there is a machine.
+
+    Returns:
+        The targets.
+    """
+    if config.agent != "siamese" or not config.siamese.sees_reward:
+        return targets
+    if machine is None or basis is None:
+        seen = np.zeros((len(chosen), sum(scene.n_states for scene in scenes)), np.float32)
+    else:
+        seen = predicted_inputs(scenes, chosen, machine, basis, config.irl)
+    return dataclasses.replace(targets, predicted=jnp.asarray(seen))
+
+
+def training_targets(
+    config: Config, method: Method, scenes: Sequence[Scene], split: TaskSplit, learned: LearnedRewards | None
+) -> Targets:
+    """The targets that a method trains on.
+
+    Args:
+        config: the configuration.
+        method: the method.
+        scenes: encoded training scenes.
+        split: the targets of all tasks; training sees no others than `split.training`.
+        learned: the learned rewards; not needed by RL and behaviour cloning.
+
+    Returns:
+        The targets.
+    """
+    machine_ = None if learned is None else learned.machines.get(method)
+    basis = None if learned is None else learned.basis
+    return sighted(config, build_targets(scenes, split.training), scenes, split.training, machine_, basis)
+
+
 def train_method(
     config: Config,
     method: Method,
@@ -129,7 +181,7 @@ def train_method(
     """
     key = jax.random.key(seed)
     world = world_of(config, scenes, scenes)
-    targets = build_targets(scenes, split.training)
+    targets = training_targets(config, method, scenes, split, learned)
     n_heads = head_numbers(config, scenes, scenes)[1]
     with (
         progress_bar(f"training {method}, seed {seed}", config.frames, "frames") as advance,
@@ -211,7 +263,7 @@ def train_together(
         trained = train_seeds(
             [jax.random.key(seed) for seed in seeds],
             world_of(config, scenes, scenes),
-            [build_targets(scenes, split.training) for _, split, _ in prepared],
+            [training_targets(config, method, scenes, split, learned) for _, split, learned in prepared],
             [model for model, _ in rewards],
             rewards[0][1],
             head_numbers(config, scenes, scenes)[1],

@@ -55,20 +55,22 @@ def room(n_features: int = 12):
 
 
 @pytest.mark.parametrize("frames", [None, 12], ids=["tables", "frames alone"])
-@pytest.mark.parametrize("history", [1, 4])
-def test_tables_and_recorded_activations_equal_the_plain_network(history, frames):
-    """Outputs and gradients, against every frame through the whole network."""
+@pytest.mark.parametrize(("history", "also"), [(1, False), (4, False), (1, True), (4, True)])
+def test_tables_and_recorded_activations_equal_the_plain_network(history, also, frames):
+    """Outputs and gradients, against every frame through the whole network; `also` with products and rewards seen."""
     world, targets = room()
-    network = SiameseActorCritic(n_heads=2, width=16, history=history)
+    network = SiameseActorCritic(n_heads=2, width=16, history=history, comparison=also, sees_reward=also)
     head = jnp.arange(2)
     state = jnp.asarray([[[1, 5, 5], [17, 20, 39]], [[2, 5, 0], [18, 20, 16]]])
     views = jnp.stack([state, (state + 1) % 40, state, 39 - state], -1)[..., :history]
     target = jnp.asarray([[[0, 1, 1], [2, 2, 2]], [[0, 1, 0], [2, 2, 2]]])
     wanted = world.features[targets.state[target]]
+    predicted = -jnp.abs(jnp.sin(jnp.arange(120.0))).reshape(3, 40) if also else None
+    seen = [predicted[target[t], views[t, ..., 0]] if also else None for t in range(2)]
 
     @jax.jit
     def drawn(key):
-        parameters = network.init(key, world.features[views[0]], wanted[0], head)
+        parameters = network.init(key, world.features[views[0]], wanted[0], head, seen[0])
         return jax.tree.map(lambda p: p + 0.1 * jax.random.normal(jax.random.key(p.size), p.shape), parameters)
 
     parameters = drawn(jax.random.key(1))
@@ -77,13 +79,13 @@ def test_tables_and_recorded_activations_equal_the_plain_network(history, frames
         return jnp.sin(logits).sum() + jnp.cos(value).sum()
 
     def plain(parameters):
-        outputs = [network.apply(parameters, world.features[views[t]], wanted[t], head) for t in range(2)]
+        outputs = [network.apply(parameters, world.features[views[t]], wanted[t], head, seen[t]) for t in range(2)]
         logits, value = (jnp.stack(x) for x in zip(*outputs, strict=True))
         return loss(logits, value), (logits, value)
 
     @jax.jit
     def tabled(parameters):
-        tabled = lambda theta: tabulate(network, theta, world.features, targets.state, frames)  # noqa: E731
+        tabled = lambda theta: tabulate(network, theta, world.features, targets.state, frames, predicted)  # noqa: E731
         tables, pull_back = jax.vjp(tabled, parameters)
         recorded = [forward(network, parameters, tables, views[t], target[t], head) for t in range(2)]
         recorded = jax.tree.map(lambda *x: jnp.stack(x), *recorded)

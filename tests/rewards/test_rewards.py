@@ -10,7 +10,13 @@ from builders import grid_scene, labelled
 from relm_irl_jax import env
 from relm_irl_jax.env import Episode
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.rewards.assemble import ManualSettings, demonstrated_reward, manual_reward, predicted_reward
+from relm_irl_jax.rewards.assemble import (
+    ManualSettings,
+    demonstrated_reward,
+    manual_reward,
+    predicted_inputs,
+    predicted_reward,
+)
 from relm_irl_jax.rewards.demonstrations import IrlSettings, RewardBasis, fit_basis, learn_rewards
 from relm_irl_jax.rewards.goals import IMAGINED_STARTS, predicted_goals
 from relm_irl_jax.rewards.model import LinearReward
@@ -192,6 +198,26 @@ def test_goals_cost_what_the_machine_predicts(rooms, split, learned, follow):
             w = machine.predict(pair)[0] if follow else drawn.mean(0)
             expected[state] = np.clip(-w @ (phi[state] - phi[goal]), IRL.least_cost, 1.0)
         np.testing.assert_allclose(np.asarray(goals.cost)[0, column, :48], expected / expected.mean(), rtol=1e-5)
+
+
+def test_the_agent_sees_what_the_machine_predicts(rooms, split, learned):
+    """Seen rewards are those that an episode beginning in each state would be paid for standing there."""
+    basis, records = learned
+    machine = fit_machine(
+        pair_data(rooms, records, 80, np.random.default_rng(0)), ElmSettings(hidden=60), 0, regularised=True
+    )
+    seen = predicted_inputs(rooms, split.new, machine, basis, IRL)
+    assert seen.shape == (len(split.new), 96)
+    for row, target in enumerate(split.new):
+        own = slice(48 * target.scene, 48 * (target.scene + 1))
+        assert seen[row, own].min() < 0
+        assert not np.delete(seen[row], np.arange(own.start, own.stop)).any()
+        assert seen[row, own.start + target.state] == 0
+    target = split.new[0]
+    phi, views = basis(rooms[target.scene].encoded), rooms[target.scene].encoded
+    w = machine.predict(pair_inputs(views[[9]], views[[target.state]]))[0]
+    expected = np.clip(w @ (phi[9] - phi[target.state]), -1, 0)
+    assert seen[0, 48 * target.scene + 9] == pytest.approx(expected, abs=1e-6)
 
 
 def test_judgement_by_hand():

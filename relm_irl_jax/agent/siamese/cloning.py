@@ -134,7 +134,7 @@ def _run_chunk(
         )
 
         def loss(parameters):
-            tables = tabulate(network, parameters, world.features, targets.state, place.size)
+            tables = tabulate(network, parameters, world.features, targets.state, place.size, targets.predicted)
             logits = forward(network, parameters, tables, views, target, heads).logits
             likelihood = jnp.take_along_axis(jax.nn.log_softmax(logits), action[..., None], -1)
             loss = over_steps(-likelihood, settings)

@@ -2,7 +2,8 @@
 
     z(x)   = ReLU(Σ_j x_j W_j + b)                shared by current and target view; x_0, x_1, … are the last views,
                                                   the latest first, and for the target its one view repeated
-    h      = ReLU(z(s) U + z(g) V + c)            fusion of the concatenation [z(s), z(g)]
+    h      = ReLU(z(s) U + z(g) V + c)            fusion of the concatenation [z(s), z(g)]; with `comparison` of
+                                                  [z(s), z(g), z(s)⊙z(g)], with `sees_reward` of r̂(s, g), too
     k      = ReLU(h H_i + d_i)                    layer of head i, one a room type or a scene
     logits = k P_i + p_i,   value = k q_i + r_i
 
@@ -10,8 +11,8 @@ Views are few and fixed, so what depends on single views is computed once per up
 (`tabulate`): z(·)U where one view is seen, the products (·)W_j where several are; z(·)V over all targets always. A step
 then costs a look-up for each view and the layers behind (`forward`). Where an update computes fewer views than there
 are states, tables would cost more than they save, and every view goes through the shared layer. Acting and learning
-see the same parameters, so the layers computed while acting serve the gradient too (`backward`). The plain formulation
-(`__call__`) is the same function, frame by frame.
+see the same parameters, so the layers computed while acting serve the gradient too (`backward`); with `comparison` or
+`sees_reward` they are computed again. The plain formulation (`__call__`) is the same function, frame by frame.
 """
 
 from dataclasses import dataclass, replace
@@ -37,12 +38,18 @@ class Tables:
         shared: x W_j for every state and each of the last views.
         features: encoded views, of which nothing is computed in advance.
         target: z(g) V for every target.
+        encoded: z(s) for every state, where one view is seen and compared.
+        wanted: z(g) for every target, where views are compared.
+        predicted: r̂(s, g), where the network sees it.
     """
 
     fusion: Float32[Array, "states width"] | None
     shared: Float32[Array, "history states width"] | None
     features: Float32[Array, "states feature"] | None
     target: Float32[Array, "targets width"]
+    encoded: Float32[Array, "states width"] | None = None
+    wanted: Float32[Array, "targets width"] | None = None
+    predicted: Float32[Array, "targets states"] | None = None
 
 
 @jax.tree_util.register_dataclass
@@ -51,7 +58,7 @@ class Activations:
     """A forward pass, with what its backward pass needs.
 
     Attributes:
-        current: z(s); None where the table is that of the fusion layer.
+        current: z(s); None where the gradient does not need it.
         fused: fusion layer.
         hidden: layer of the head.
         logits: action logits.
@@ -72,11 +79,15 @@ class SiameseActorCritic(nn.Module):
         n_heads: number of heads.
         width: units of each hidden layer.
         history: number of last views that are seen.
+        comparison: whether the fusion layer sees the product z(s)⊙z(g), too.
+        sees_reward: whether it sees the predicted reward r̂(s, g), too.
     """
 
     n_heads: int
     width: int = 512
     history: int = 1
+    comparison: bool = False
+    sees_reward: bool = False
 
     def setup(self) -> None:
         """Declare the layers."""
@@ -89,6 +100,10 @@ class SiameseActorCritic(nn.Module):
         self.shared = nn.Dense(self.width, kernel_init=he)
         self.fusion_state = nn.Dense(self.width)
         self.fusion_target = nn.Dense(self.width, use_bias=False)
+        if self.comparison:
+            self.fusion_product = nn.Dense(self.width, use_bias=False)
+        if self.sees_reward:
+            self.fusion_reward = self.param("fusion_reward", nn.initializers.normal(1.0), (self.width,))
         self.head_kernel = self.param("head_kernel", stacked, (self.n_heads, self.width, self.width))
         self.head_bias = self.param("head_bias", zeros, (self.n_heads, 1, self.width))
         self.policy_kernel = self.param("policy_kernel", small, (self.n_heads, len(ACTIONS), self.width))
@@ -111,12 +126,15 @@ class SiameseActorCritic(nn.Module):
         """
         if every_state and self.history == 1:
             encoded = nn.relu(self.shared(features))
-            return Tables(self.fusion_state(encoded), None, None, self.fusion_target(encoded[target_state]))
-        target = self.fusion_target(self.still(features[target_state]))
+            wanted = encoded[target_state]
+            compared = (encoded, wanted) if self.comparison else (None, None)
+            return Tables(self.fusion_state(encoded), None, None, self.fusion_target(wanted), *compared)
+        wanted = self.still(features[target_state])
+        target, compared = self.fusion_target(wanted), wanted if self.comparison else None
         if not every_state:
-            return Tables(None, None, features, target)
+            return Tables(None, None, features, target, wanted=compared)
         kernel = self.shared.variables["params"]["kernel"].reshape(self.history, -1, self.width)
-        return Tables(None, jnp.einsum("sf,hfw->hsw", features, kernel), None, target)
+        return Tables(None, jnp.einsum("sf,hfw->hsw", features, kernel), None, target, wanted=compared)
 
     def still(self, view: Float32[Array, "*batch feature"]) -> Float32[Array, "*batch width"]:
         """Encode a view that was all there was to see.
@@ -158,6 +176,31 @@ class SiameseActorCritic(nn.Module):
         """
         return self.fusion_state(current)
 
+    def compare(
+        self, current: Float32[Array, "groups batch width"], wanted: Float32[Array, "groups batch width"]
+    ) -> Float32[Array, "groups batch width"]:
+        """The product's part of the fusion layer.
+
+        Args:
+            current: z(s).
+            wanted: z(g).
+
+        Returns:
+            The part, before the non-linearity.
+        """
+        return self.fusion_product(current * wanted)
+
+    def weigh(self, predicted: Float32[Array, "groups batch"]) -> Float32[Array, "groups batch width"]:
+        """The predicted reward's part of the fusion layer.
+
+        Args:
+            predicted: r̂(s, g).
+
+        Returns:
+            The part, before the non-linearity.
+        """
+        return predicted[..., None] * self.fusion_reward
+
     def head_layer(
         self, fused: Float32[Array, "groups batch width"], head: Int32[Array, "groups"]
     ) -> Float32[Array, "groups batch width"]:
@@ -194,6 +237,7 @@ class SiameseActorCritic(nn.Module):
         view: Float32[Array, "groups batch history feature"],
         target: Float32[Array, "groups batch feature"],
         head: Int32[Array, "groups"],
+        predicted: Float32[Array, "groups batch"] | None = None,
     ) -> tuple[Float32[Array, "groups batch 4"], Float32[Array, "groups batch"]]:
         """Policy and value, every frame through the whole network.
 
@@ -201,13 +245,19 @@ class SiameseActorCritic(nn.Module):
             view: encoded last views, the latest first.
             target: encoded target views.
             head: head that serves each group.
+            predicted: r̂(s, g), where the network sees it.
 
         Returns:
             Action logits and values.
         """
-        current = nn.relu(self.shared(view.reshape(*target.shape[:-1], -1)))
-        fused = nn.relu(self.fusion_state(current) + self.fusion_target(self.still(target)))
-        return self.readout(nn.relu(self.head_layer(fused, head)), head)
+        current, wanted = nn.relu(self.shared(view.reshape(*target.shape[:-1], -1))), self.still(target)
+        fused = self.fusion_state(current) + self.fusion_target(wanted)
+        if self.comparison:
+            fused += self.compare(current, wanted)
+        if self.sees_reward:
+            assert predicted is not None
+            fused += self.weigh(predicted)
+        return self.readout(nn.relu(self.head_layer(nn.relu(fused), head)), head)
 
 
 def tabulate(
@@ -216,6 +266,7 @@ def tabulate(
     features: Float32[Array, "states feature"],
     target_state: Int32[Array, "targets"],
     frames: int | None = None,
+    predicted: Float32[Array, "targets states"] | None = None,
 ) -> Tables:
     """Apply `SiameseActorCritic.tables` where they cost less than encoding the views of all frames.
 
@@ -225,12 +276,14 @@ def tabulate(
         features: encoded view of every state.
         target_state: state of every target.
         frames: frames for which these parameters serve; None for any number. Static.
+        predicted: r̂(s, g), where the network sees it.
 
     Returns:
         The tables, which cover all states if these are no more than the frames.
     """
     every_state = frames is None or len(features) <= frames
-    return cast(Tables, network.apply(parameters, features, target_state, every_state, method="tables"))
+    tables = cast(Tables, network.apply(parameters, features, target_state, every_state, method="tables"))
+    return replace(tables, predicted=predicted) if network.sees_reward else tables
 
 
 def forward(
@@ -259,7 +312,15 @@ def forward(
     else:
         current = nn.relu(cast(Array, network.apply(parameters, tables, views, method="shared_layer")))
         half = cast(Array, network.apply(parameters, current, method="fusion_half"))
-    fused = nn.relu(half + tables.target[target])
+    half += tables.target[target]
+    if tables.wanted is not None:
+        current = tables.encoded[views[..., 0]] if tables.encoded is not None else current
+        half += cast(Array, network.apply(parameters, current, tables.wanted[target], method="compare"))
+        current = None
+    if tables.predicted is not None:
+        reward = jax.lax.stop_gradient(tables.predicted[target, views[..., 0]])
+        half += cast(Array, network.apply(parameters, reward, method="weigh"))
+    fused = nn.relu(half)
     hidden = nn.relu(cast(Array, network.apply(parameters, fused, head, method="head_layer")))
     logits, value = cast(tuple[Array, Array], network.apply(parameters, hidden, head, method="readout"))
     return Activations(current, fused, hidden, logits, value)
@@ -305,6 +366,13 @@ def backward(
         return of_parameters, jnp.where(layer > 0, of_layer, 0)
 
     seen, of_logits, of_value, views, target = jax.tree.map(by_group, (activations, of_logits, of_value, views, target))
+    if network.comparison or network.sees_reward:
+
+        def outputs(parameters: Parameters, tables: Tables) -> tuple[Array, Array]:
+            again = forward(network, parameters, tables, views, target, head)
+            return again.logits, again.value
+
+        return jax.vjp(outputs, parameters, tables)[1]((of_logits, of_value))
     of_readout, of_hidden = pull("readout", seen.hidden, (of_logits, of_value), head)
     of_layer, of_fused = pull("head_layer", seen.fused, of_hidden, head)
     gradient = jax.tree.map(jnp.add, of_readout, of_layer)

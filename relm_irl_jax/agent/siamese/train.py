@@ -39,7 +39,9 @@ def network_of(settings: SiameseSettings, n_heads: int) -> SiameseActorCritic:
     Returns:
         The network without parameters.
     """
-    return SiameseActorCritic(n_heads=n_heads, width=settings.width, history=settings.history)
+    return SiameseActorCritic(
+        n_heads, settings.width, settings.history, settings.fusion == "comparison", settings.sees_reward
+    )
 
 
 def worker_lanes(targets: Targets, world: World, n_heads: int, workers: int) -> Lane:
@@ -98,7 +100,8 @@ def draw_parameters(key: PRNGKeyArray, network: SiameseActorCritic, world: World
     """
     target = jnp.zeros((network.n_heads, 1, world.features.shape[1]), jnp.float32)
     view = jnp.repeat(target[:, :, None], network.history, 2)
-    return jax.jit(network.init)(key, view, target, jnp.arange(network.n_heads))
+    predicted = jnp.zeros(target.shape[:-1]) if network.sees_reward else None
+    return jax.jit(network.init)(key, view, target, jnp.arange(network.n_heads), predicted)
 
 
 @partial(jax.jit, static_argnames=("network", "settings"))

@@ -139,7 +139,7 @@ def update(
     heads = jnp.arange(network.n_heads)
     frames = setting.lane.first.size * settings.t_max
     tables, pull_back = jax.vjp(
-        lambda theta: tabulate(network, theta, world.features, targets.state, frames), parameters
+        lambda theta: tabulate(network, theta, world.features, targets.state, frames, targets.predicted), parameters
     )
     at = lambda views, target: forward(network, parameters, tables, views, target, heads)  # noqa: E731
     episode, experience, sums = rollout(
