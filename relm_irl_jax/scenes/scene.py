@@ -90,6 +90,21 @@ class Scene:
         return self.features
 
 
+def first_of_each_type(scenes: Sequence[Scene]) -> dict[str, int]:
+    """The scenes that stand for their room types in figures.
+
+    Args:
+        scenes: the scenes.
+
+    Returns:
+        Number of the first scene of each room type.
+    """
+    first: dict[str, int] = {}
+    for number, scene in enumerate(scenes):
+        first.setdefault(scene.room_type, number)
+    return first
+
+
 def pose_graph(
     places: Sequence[tuple[int, int]],
 ) -> tuple[Float64[np.ndarray, "states 2"], Float64[np.ndarray, "states"], Int32[np.ndarray, "states 4"]]:

@@ -16,7 +16,7 @@ from relm_irl_jax.report.figures import save_figure
 from relm_irl_jax.report.maps import distance_maps, map_table
 from relm_irl_jax.report.tables import METHOD_NAMES
 from relm_irl_jax.runs import RunFolder, load_parameters, write_json
-from relm_irl_jax.scenes.scene import Scene
+from relm_irl_jax.scenes.scene import Scene, first_of_each_type
 from relm_irl_jax.stages.encoding import EncodedScenes, encode_unseen
 from relm_irl_jax.stages.learning import PREDICTED, load_basis
 from relm_irl_jax.stages.training import head_numbers, sighted, world_of
@@ -154,7 +154,7 @@ def evaluate_task(config: Config, folder: RunFolder, training: EncodedScenes, ta
 def _map_distances(folder: RunFolder, task: str, ground: Ground, learned: Mapping[Method, MetricPolicy]) -> None:
     """Map true and learned distances to the first target of the first room of each type."""
     scenes, targets, offsets = ground.scenes, ground.targets, scene_offsets(ground.scenes)
-    for number in {scene.room_type: n for n, scene in reversed(list(enumerate(scenes)))}.values():
+    for number in first_of_each_type(scenes).values():
         scene, row = scenes[number], int(np.flatnonzero(np.asarray(targets.scene) == number)[0])
         target = int(targets.state[row]) - offsets[number]
         maps = {"Shortest path": scene.shortest_path_distance[:, target].astype(float)}

@@ -16,7 +16,7 @@ from relm_irl_jax.rewards.demonstrations import DemonstratedReward, RewardBasis,
 from relm_irl_jax.rewards.prediction import fit_machine, pair_data, pair_inputs
 from relm_irl_jax.rewards.quality import judge, judge_predictions
 from relm_irl_jax.runs import RunFolder, load_arrays, save_arrays, write_table
-from relm_irl_jax.scenes.scene import Scene
+from relm_irl_jax.scenes.scene import Scene, first_of_each_type
 from relm_irl_jax.tasks import TaskSplit
 
 PREDICTED: tuple[Method, ...] = ("elm-irl", "relm-irl")
@@ -105,8 +105,7 @@ def load_basis(path: Path) -> RewardBasis:
 def _map_rewards(scenes: Sequence[Scene], split: TaskSplit, learned: LearnedRewards, folder: RunFolder) -> None:
     """Map r(s) of every learned reward over one room of each type, for a trained and for a new target."""
     demonstrated = {record.target: record.solution.w for record in learned.records if record.trained}
-    first_scene = {scene.room_type: number for number, scene in reversed(list(enumerate(scenes)))}
-    for room_type, number in first_scene.items():
+    for room_type, number in first_of_each_type(scenes).items():
         scene = scenes[number]
         for name, targets in (("trained", split.training), ("new", split.new)):
             target = next(target for target in targets if target.scene == number)
