@@ -1,7 +1,6 @@
 """Last stage: every trained agent on one task."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 
 import jax
 import numpy as np
@@ -16,61 +15,11 @@ from relm_irl_jax.report.figures import save_figure
 from relm_irl_jax.report.maps import distance_maps, map_table
 from relm_irl_jax.report.tables import METHOD_NAMES
 from relm_irl_jax.runs import RunFolder, load_parameters, write_json
-from relm_irl_jax.scenes.scene import Scene, first_of_each_type
-from relm_irl_jax.stages.encoding import EncodedScenes, encode_unseen
+from relm_irl_jax.scenes.scene import first_of_each_type
+from relm_irl_jax.stages.encoding import EncodedScenes
+from relm_irl_jax.stages.ground import Ground, ground_of, sighted
 from relm_irl_jax.stages.learning import PREDICTED, load_basis
-from relm_irl_jax.stages.training import head_numbers, sighted, world_of
-from relm_irl_jax.tasks import Target, draw_split
-from relm_irl_jax.world import Targets, World, build_targets, scene_offsets
-
-
-@dataclass(frozen=True, eq=False)
-class Ground:
-    """Scenes and targets on which a task is evaluated.
-
-    Attributes:
-        scenes: the scenes that have a target, without their views.
-        world: the same, laid end to end.
-        targets: the targets.
-        chosen: the same targets as drawn; `Target.scene` numbers `scenes`.
-        n_heads: number of the network's heads.
-    """
-
-    scenes: list[Scene]
-    world: World
-    targets: Targets
-    chosen: list[Target]
-    n_heads: int
-
-
-def ground_of(config: Config, training: EncodedScenes, task: str, seed: int) -> Ground:
-    """Lay out a task as one seed drew it.
-
-    Args:
-        config: the configuration.
-        training: the training scenes.
-        task: `I`, `II` or `III`.
-        seed: the run's seed.
-
-    Returns:
-        Scenes and targets. Unseen scenes that show nothing of what this seed trained are left out.
-
-    Raises:
-        InputError: no unseen scene shows anything of it.
-    """
-    unseen = encode_unseen(config, training) if task == "III" else []
-    scenes = unseen if task == "III" else training.scenes
-    drawn = draw_split(training.scenes, unseen, config.tasks, seed).of_task(task, config.evaluation)
-    numbers = {number: place for place, number in enumerate(sorted({target.scene for target in drawn}))}
-    scenes = [scenes[number] for number in numbers]
-    chosen = [replace(target, scene=numbers[target.scene]) for target in drawn]
-    return Ground(
-        scenes=scenes,
-        world=world_of(config, scenes, training.scenes),
-        targets=build_targets(scenes, chosen),
-        chosen=chosen,
-        n_heads=head_numbers(config, scenes, training.scenes)[1],
-    )
+from relm_irl_jax.world import scene_offsets
 
 
 def policy_of(config: Config, folder: RunFolder, method: Method, seed: int, ground: Ground) -> Policy:

@@ -22,7 +22,8 @@ from relm_irl_jax.runs import RunFolder
 from relm_irl_jax.scenes.catalog import training_scenes, unseen_scenes
 from relm_irl_jax.scenes.scene import GRID_STEP, Scene
 from relm_irl_jax.stages.encoding import EncodedScenes, encode_training
-from relm_irl_jax.stages.evaluating import Ground, ground_of, policy_of
+from relm_irl_jax.stages.evaluating import policy_of
+from relm_irl_jax.stages.ground import Ground, ground_of
 from relm_irl_jax.world import scene_offsets
 
 FRAME_MILLISECONDS = 250

@@ -4,7 +4,6 @@ import dataclasses
 from collections.abc import Sequence
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from relm_irl_jax.agent.learning import LearningCurve, Parameters
@@ -14,66 +13,18 @@ from relm_irl_jax.agent.siamese.cloning import CloningCurve, Decisions, clone, d
 from relm_irl_jax.agent.siamese.seeds import train_seeds
 from relm_irl_jax.agent.siamese.train import train
 from relm_irl_jax.config import Config, Method
-from relm_irl_jax.elm import ELMRegressor
-from relm_irl_jax.errors import InputError
 from relm_irl_jax.progress import progress_bar
-from relm_irl_jax.rewards.assemble import demonstrated_reward, manual_reward, predicted_inputs, predicted_reward
-from relm_irl_jax.rewards.demonstrations import RewardBasis, demonstrations_of
+from relm_irl_jax.rewards.assemble import demonstrated_reward, manual_reward, predicted_reward
+from relm_irl_jax.rewards.demonstrations import demonstrations_of
 from relm_irl_jax.rewards.goals import demonstrated_goals, manual_goals, predicted_goals
 from relm_irl_jax.rewards.model import RewardModel
 from relm_irl_jax.runs import RunFolder, save_parameters, write_table
 from relm_irl_jax.scenes.scene import Scene
+from relm_irl_jax.stages.ground import head_numbers, sighted, world_of
 from relm_irl_jax.stages.learning import LearnedRewards
 from relm_irl_jax.stages.recording import FolderRecord
-from relm_irl_jax.tasks import Target, TaskSplit
-from relm_irl_jax.world import Targets, World, build_targets, build_world, scene_offsets
-
-
-def head_numbers(config: Config, scenes: Sequence[Scene], training: Sequence[Scene]) -> tuple[list[int], int]:
-    """Number the heads of the network.
-
-    Args:
-        config: the configuration.
-        scenes: scenes to number.
-        training: training scenes, which or whose room types own the heads.
-
-    Returns:
-        The head of each scene, and the number of heads.
-
-    Raises:
-        InputError: a scene, or its room type, was never trained.
-    """
-    if config.siamese.heads == "shared" or config.agent == "metric":
-        return [0] * len(scenes), 1
-    owner = (lambda scene: scene.name) if config.siamese.heads == "scene" else (lambda scene: scene.room_type)
-    owners = list(dict.fromkeys(map(owner, training)))
-    for scene in scenes:
-        if owner(scene) not in owners:
-            raise InputError(
-                f"{scene.name}: siamese.heads = {config.siamese.heads} gives {owner(scene)} no head, since it is not "
-                "trained; use siamese.heads = shared."
-            )
-    return [owners.index(owner(scene)) for scene in scenes], len(owners)
-
-
-def world_of(config: Config, scenes: Sequence[Scene], training: Sequence[Scene]) -> World:
-    """Lay scenes end to end, their features standardised by the training scenes' mean and deviation.
-
-    Args:
-        config: the configuration.
-        scenes: encoded scenes.
-        training: encoded training scenes.
-
-    Returns:
-        The world.
-    """
-    views = np.concatenate([scene.encoded for scene in training])
-    mean, deviation = views.mean(0), views.std(0)
-    spread = np.where(deviation > 1e-6 * deviation.max(), deviation, np.inf)
-    standardised = [
-        dataclasses.replace(scene, features=((scene.encoded - mean) / spread).astype(np.float32)) for scene in scenes
-    ]
-    return build_world(standardised, head_numbers(config, scenes, training)[0])
+from relm_irl_jax.tasks import TaskSplit
+from relm_irl_jax.world import Targets, World, build_targets, scene_offsets
 
 
 def reward_of(
@@ -103,36 +54,6 @@ def reward_of(
         machine_ = learned.machines[method]
         model = predicted_reward(scenes, split.training, machine_, learned.basis, config.irl, config.elm)
     return model, scale
-
-
-def sighted(
-    config: Config,
-    targets: Targets,
-    scenes: Sequence[Scene],
-    chosen: Sequence[Target],
-    machine: ELMRegressor | None,
-    basis: RewardBasis | None,
-) -> Targets:
-    """Targets with the predicted reward of every view on the way, where the agent sees it.
-
-    Args:
-        config: the configuration.
-        targets: the targets.
-        scenes: encoded scenes of the world.
-        chosen: the same targets, as drawn.
-        machine: the method's fitted machine; None for methods that predict no reward, whose agents see 0.
-        basis: φ, where there is a machine.
-
-    Returns:
-        The targets.
-    """
-    if config.agent != "siamese" or not config.siamese.sees_reward:
-        return targets
-    if machine is None or basis is None:
-        seen = np.zeros((len(chosen), sum(scene.n_states for scene in scenes)), np.float32)
-    else:
-        seen = predicted_inputs(scenes, chosen, machine, basis, config.irl)
-    return dataclasses.replace(targets, predicted=jnp.asarray(seen))
 
 
 def training_targets(
