@@ -21,7 +21,7 @@ from rich.table import Table
 from relm_irl_jax.agent.rollout import rollout, sample_action
 from relm_irl_jax.agent.settings import SiameseSettings
 from relm_irl_jax.agent.siamese.network import SiameseActorCritic, forward, tabulate
-from relm_irl_jax.agent.siamese.train import begin, network_of, run_chunk, worker_lanes
+from relm_irl_jax.agent.siamese.train import begin, cheaper_pairs, network_of, run_chunk, worker_lanes
 from relm_irl_jax.agent.siamese.update import Learner, Setting, sampling_actor
 from relm_irl_jax.benchmarks.axes import log_axes
 from relm_irl_jax.benchmarks.irl import open_room
@@ -100,7 +100,8 @@ def setting_of(settings: SiameseSettings) -> tuple[Setting, Learner, SiameseActo
     network = network_of(settings, 3)
     lane = worker_lanes(targets, world, 3, settings.workers)
     learner = begin(jax.random.key(0), world, targets, lane, network, settings)
-    return Setting(world, targets, lane, reward, jnp.float32(10.0)), learner, network
+    pairs = cheaper_pairs(world, targets, network, lane.first.size * settings.t_max)
+    return Setting(world, targets, lane, reward, jnp.float32(10.0), pairs), learner, network
 
 
 def operations(setting: Setting, network: SiameseActorCritic, frames: int) -> float:

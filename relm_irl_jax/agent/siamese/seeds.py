@@ -26,7 +26,7 @@ from relm_irl_jax.agent.learning import (
 from relm_irl_jax.agent.rollout import EpisodeSums
 from relm_irl_jax.agent.settings import SiameseSettings
 from relm_irl_jax.agent.siamese.network import SiameseActorCritic
-from relm_irl_jax.agent.siamese.train import begin, check_cap, network_of, run_chunk, worker_lanes
+from relm_irl_jax.agent.siamese.train import begin, cheaper_pairs, check_cap, network_of, run_chunk, worker_lanes
 from relm_irl_jax.agent.siamese.update import Learner, Setting
 from relm_irl_jax.rewards.model import RewardModel
 from relm_irl_jax.world import Targets, World
@@ -79,7 +79,7 @@ def run_chunk_of_seeds(
         The next states of training, and sums over the episodes that ended, by seed.
     """
     one = partial(run_chunk, network=network, settings=settings, cap=cap, updates=updates)
-    own = Setting(world=None, targets=0, lane=0, reward_model=0, return_scale=None)  # pyrefly: ignore
+    own = Setting(world=None, targets=0, lane=0, reward_model=0, return_scale=None, pairs=0)  # pyrefly: ignore
     return jax.vmap(one, in_axes=(0, own))(learners, setting)
 
 
@@ -122,7 +122,9 @@ def train_seeds(
     learners = stacked(
         [begin(key, world, own, lane, network, settings) for key, own, lane in zip(keys, targets, lanes, strict=True)]
     )
-    setting = Setting(world, stacked(targets), stacked(lanes), stacked(reward_models), jnp.float32(return_scale))
+    pairs = [cheaper_pairs(world, own, network, lanes[0].first.size * settings.t_max) for own in targets]
+    shared = (stacked(targets), stacked(lanes), stacked(reward_models), jnp.float32(return_scale))
+    setting = Setting(world, *shared, None if None in pairs else stacked(pairs))
     chunks = cut(frames, lanes[0].first.size * settings.t_max)
 
     def chunk(learners: Learner, number: int) -> tuple[Learner, Row]:

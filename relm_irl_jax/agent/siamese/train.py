@@ -22,6 +22,7 @@ from relm_irl_jax.agent.rollout import EpisodeSums
 from relm_irl_jax.agent.settings import SiameseSettings
 from relm_irl_jax.agent.siamese.devices import over_devices
 from relm_irl_jax.agent.siamese.network import SiameseActorCritic
+from relm_irl_jax.agent.siamese.pairs import Pairs, pairs_of
 from relm_irl_jax.agent.siamese.update import Learner, Setting, optimiser_of, update
 from relm_irl_jax.env import Lane
 from relm_irl_jax.errors import InputError
@@ -85,6 +86,24 @@ def check_cap(cap: int, settings: SiameseSettings) -> None:
         raise InputError(
             f"tasks.cap: {cap} is below siamese.t_max ({settings.t_max}); raise the one or lower the other."
         )
+
+
+def cheaper_pairs(world: World, targets: Targets, network: SiameseActorCritic, frames: int) -> Pairs | None:
+    """All pairs of a state and a target, where there are no more of them than frames in an update.
+
+    Args:
+        world: the training scenes.
+        targets: the training targets.
+        network: the network.
+        frames: frames of an update that one device computes.
+
+    Returns:
+        The pairs; None where frames are computed one by one, as they are where several views are seen.
+    """
+    if network.history > 1:
+        return None
+    pairs = pairs_of(world, targets, network.n_heads)
+    return pairs if sum(map(len, pairs.state)) <= frames else None
 
 
 def draw_parameters(key: PRNGKeyArray, network: SiameseActorCritic, world: World) -> Parameters:
@@ -198,7 +217,9 @@ def train(
     check_cap(cap, settings)
     network = network_of(settings, n_heads)
     lane = worker_lanes(targets, world, n_heads, settings.workers)
-    setting = Setting(world, targets, lane, reward_model, jnp.float32(return_scale))
+    frames_of_device = lane.first.size * settings.t_max // (jax.device_count() if devices is None else len(devices))
+    pairs = cheaper_pairs(world, targets, network, frames_of_device)
+    setting = Setting(world, targets, lane, reward_model, jnp.float32(return_scale), pairs)
     learner, setting = over_devices(begin(key, world, targets, lane, network, settings), setting, devices)
     chunks = cut(frames, lane.first.size * settings.t_max)
 

@@ -19,6 +19,7 @@ from relm_irl_jax.agent.learning import Parameters
 from relm_irl_jax.agent.rollout import Actor, EpisodeSums, Experience, rollout, sample_action
 from relm_irl_jax.agent.settings import SiameseSettings
 from relm_irl_jax.agent.siamese.network import Activations, SiameseActorCritic, backward, forward, tabulate
+from relm_irl_jax.agent.siamese.pairs import Outputs, Pairs, outputs_of
 from relm_irl_jax.env import Episode, Lane
 from relm_irl_jax.rewards.model import RewardModel
 from relm_irl_jax.world import Targets, World
@@ -53,6 +54,7 @@ class Setting:
         lane: targets that each worker may be sent to; every field is [groups, batch].
         reward_model: the reward.
         return_scale: returns are divided by this, so that values are of order one.
+        pairs: every pair of a target and a state, where computing them all costs less than computing every frame.
     """
 
     world: World
@@ -60,6 +62,13 @@ class Setting:
     lane: Lane
     reward_model: RewardModel
     return_scale: Float32[Array, ""]
+    pairs: Pairs | None = None
+
+
+Views = Int32[Array, "groups batch history"]
+
+Pull = Callable[[Experience, Float32[Array, "time groups batch 4"], Float32[Array, "time groups batch"]], Parameters]
+"""Maps the steps, and the gradient of a loss in their logits and values, to the gradient in θ."""
 
 
 def optimiser_of(settings: SiameseSettings) -> optax.GradientTransformation:
@@ -135,20 +144,19 @@ def update(
         The next state of training, and sums over the episodes that ended.
     """
     key, rollout_key = jax.random.split(learner.key)
-    world, targets, parameters = setting.world, setting.targets, learner.parameters
-    heads = jnp.arange(network.n_heads)
     frames = setting.lane.first.size * settings.t_max
-    tables, pull_back = jax.vjp(
-        lambda theta: tabulate(network, theta, world.features, targets.state, frames, targets.predicted), parameters
+    at, pull = (
+        through_frames(network, learner.parameters, setting, frames)
+        if setting.pairs is None
+        else through_pairs(network, learner.parameters, setting, setting.pairs)
     )
-    at = lambda views, target: forward(network, parameters, tables, views, target, heads)  # noqa: E731
     episode, experience, sums = rollout(
         rollout_key,
         sampling_actor(at),
         learner.episode,
         setting.lane,
-        world,
-        targets,
+        setting.world,
+        setting.targets,
         setting.reward_model,
         jnp.int32(cap),
         settings.t_max,
@@ -162,24 +170,80 @@ def update(
         setting.return_scale,
         settings,
     )
-    of_heads, of_tables = backward(
-        network,
-        parameters,
-        tables,
-        experience.views,
-        experience.target,
-        heads,
-        experience.record,
-        *of_outputs,
+    gradient = pull(experience, *of_outputs)
+    change, optimiser = optimiser_of(settings).update(gradient, learner.optimiser, learner.parameters)
+    return Learner(cast(Parameters, optax.apply_updates(learner.parameters, change)), optimiser, episode, key), sums
+
+
+def through_frames(
+    network: SiameseActorCritic, parameters: Parameters, setting: Setting, frames: int
+) -> tuple[Callable[[Views, Int32[Array, "groups batch"]], Activations], Pull]:
+    """Compute each frame when it is met, from tables over states and over targets.
+
+    Args:
+        network: the network. Static.
+        parameters: θ.
+        setting: scenes and targets.
+        frames: frames of the update. Static.
+
+    Returns:
+        The forward pass for last states and targets of all workers, and its backward pass over all steps.
+    """
+    world, targets = setting.world, setting.targets
+    heads = jnp.arange(network.n_heads)
+    tables, pull_back = jax.vjp(
+        lambda theta: tabulate(network, theta, world.features, targets.state, frames, targets.predicted), parameters
     )
-    gradient = jax.tree.map(jnp.add, of_heads, pull_back(of_tables)[0])
-    change, optimiser = optimiser_of(settings).update(gradient, learner.optimiser, parameters)
-    return Learner(cast(Parameters, optax.apply_updates(parameters, change)), optimiser, episode, key), sums
+
+    def pull(experience: Experience, of_logits: Array, of_value: Array) -> Parameters:
+        of_heads, of_tables = backward(
+            network,
+            parameters,
+            tables,
+            experience.views,
+            experience.target,
+            heads,
+            experience.record,
+            of_logits,
+            of_value,
+        )
+        return jax.tree.map(jnp.add, of_heads, pull_back(of_tables)[0])
+
+    return lambda views, target: forward(network, parameters, tables, views, target, heads), pull
 
 
-def sampling_actor(
-    network: Callable[[Int32[Array, "groups batch history"], Int32[Array, "groups batch"]], Activations],
-) -> Actor:
+def through_pairs(
+    network: SiameseActorCritic, parameters: Parameters, setting: Setting, pairs: Pairs
+) -> tuple[Callable[[Views, Int32[Array, "groups batch"]], Outputs], Pull]:
+    """Compute all pairs of a state and a target, and look frames up.
+
+    Args:
+        network: the network. Static.
+        parameters: θ.
+        setting: scenes and targets.
+        pairs: the pairs.
+
+    Returns:
+        The forward pass for last states and targets of all workers, and its backward pass over all steps.
+    """
+    outputs, pull_back = jax.vjp(
+        lambda theta: outputs_of(network, theta, setting.world, setting.targets, pairs), parameters
+    )
+
+    def look_up(views: Views, target: Array) -> Outputs:
+        number = pairs.number(setting.world, views[..., 0], target)
+        return Outputs(outputs.logits[number], outputs.value[number])
+
+    def pull(experience: Experience, of_logits: Array, of_value: Array) -> Parameters:
+        number = pairs.number(setting.world, experience.state, experience.target)
+        of_steps = Outputs(of_logits, of_value)
+        of_pairs = jax.tree.map(lambda out, of: jnp.zeros_like(out).at[number].add(of), outputs, of_steps)
+        return pull_back(of_pairs)[0]
+
+    return look_up, pull
+
+
+def sampling_actor(network: Callable[[Views, Int32[Array, "groups batch"]], Activations | Outputs]) -> Actor:
     """Act by drawing from the policy, and keep the forward pass for learning.
 
     Args:
@@ -189,9 +253,9 @@ def sampling_actor(
         The actor.
     """
 
-    def act(key: PRNGKeyArray, views: Array, target: Array) -> tuple[Array, Activations]:
-        activations = network(views, target)
-        return sample_action(key, activations.logits), activations
+    def act(key: PRNGKeyArray, views: Array, target: Array) -> tuple[Array, Activations | Outputs]:
+        seen = network(views, target)
+        return sample_action(key, seen.logits), seen
 
     return act
 
