@@ -28,8 +28,9 @@ class SiameseSettings:
     workers: PositiveInt = 512
     """Workers that step in lockstep, split evenly over the heads. The more there are, the more frames a second, and the
     more frames the hand-made reward needs to discover the farthest targets (5M with 512, 3M with 256)."""
-    t_max: PositiveInt = 16
-    """Steps of each worker per update (the paper's t_max)."""
+    t_max: PositiveInt = 20
+    """Steps of each worker per update (the paper's t_max). Once an update has more frames than there are pairs of a
+    state and a target, more of them cost nothing; but the fewer updates there are, the less is learned."""
     discount: Discount = 0.99
     """Discount of the return."""
     optimizer: Literal["adam", "rmsprop"] = "adam"

@@ -3,7 +3,7 @@
 Writes `agent.csv` and `agent.png`, and prints the table. The scenes are empty rooms with the built-in rooms' numbers of
 states, random features of 2048 numbers and a learned reward of 64; no rate depends on what the views show. An
 update's operations are counted by hand: products of the shared layer, both halves of the fusion layer and the heads,
-forward once and backward.
+forward once and backward, as often as they are computed.
 """
 
 import csv
@@ -20,9 +20,9 @@ from rich.table import Table
 
 from relm_irl_jax.agent.rollout import rollout, sample_action
 from relm_irl_jax.agent.settings import SiameseSettings
-from relm_irl_jax.agent.siamese.network import SiameseActorCritic, forward, tabulate
+from relm_irl_jax.agent.siamese.network import SiameseActorCritic
 from relm_irl_jax.agent.siamese.train import begin, cheaper_pairs, network_of, run_chunk, worker_lanes
-from relm_irl_jax.agent.siamese.update import Learner, Setting, sampling_actor
+from relm_irl_jax.agent.siamese.update import Learner, Setting, passes, sampling_actor
 from relm_irl_jax.benchmarks.axes import log_axes
 from relm_irl_jax.benchmarks.irl import open_room
 from relm_irl_jax.benchmarks.timing import Timing, machine, measure
@@ -66,11 +66,12 @@ class Rate:
     gflops: float
 
 
-def setting_of(settings: SiameseSettings) -> tuple[Setting, Learner, SiameseActorCritic]:
+def setting_of(settings: SiameseSettings, devices: int = 1) -> tuple[Setting, Learner, SiameseActorCritic]:
     """Six empty rooms, twenty targets and a learned reward.
 
     Args:
         settings: the agent's settings.
+        devices: number of devices that share the workers.
 
     Returns:
         What training looks up, its first state, and the network.
@@ -100,7 +101,7 @@ def setting_of(settings: SiameseSettings) -> tuple[Setting, Learner, SiameseActo
     network = network_of(settings, 3)
     lane = worker_lanes(targets, world, 3, settings.workers)
     learner = begin(jax.random.key(0), world, targets, lane, network, settings)
-    pairs = cheaper_pairs(world, targets, network, lane.first.size * settings.t_max)
+    pairs = cheaper_pairs(world, targets, network, lane.first.size * settings.t_max // devices)
     return Setting(world, targets, lane, reward, jnp.float32(10.0), pairs), learner, network
 
 
@@ -124,7 +125,8 @@ def operations(setting: Setting, network: SiameseActorCritic, frames: int) -> fl
         encoded += targets
     shared = 2 * 2 * encoded * network.history * features * width
     fusion = 3 * 2 * (fused + targets) * width * width
-    heads = 3 * 2 * frames * width * (width + 5)
+    computed = frames if setting.pairs is None else sum(map(len, setting.pairs.state))
+    heads = 3 * 2 * computed * width * (width + 5)
     return float(shared + fusion + heads)
 
 
@@ -139,7 +141,6 @@ def rates(settings: SiameseSettings, repeats: int) -> list[Rate]:
         One row for each of the three.
     """
     setting, learner, network = setting_of(settings)
-    heads = jnp.arange(network.n_heads)
     workers = setting.lane.first.size
     keys = iter(jax.random.split(jax.random.key(1), 4 * (repeats + 1)))
 
@@ -153,9 +154,7 @@ def rates(settings: SiameseSettings, repeats: int) -> list[Rate]:
 
     @jax.jit
     def acting(key: PRNGKeyArray, parameters):
-        frames = workers * settings.t_max
-        tables = tabulate(network, parameters, setting.world.features, setting.targets.state, frames)
-        at = lambda views, target: forward(network, parameters, tables, views, target, heads)  # noqa: E731
+        at, _ = passes(network, parameters, setting, workers * settings.t_max)
         episode, experience, sums = _roll(key, sampling_actor(at), setting, learner, UPDATES * settings.t_max)
         return episode, experience.reward.sum(), sums
 

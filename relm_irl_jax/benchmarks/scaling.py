@@ -62,7 +62,7 @@ def scaled(settings: SiameseSettings, workers: int, repeats: int) -> Scaling:
     """
     devices = jax.device_count()
     settings = replace(settings, workers=workers * devices)
-    setting, learner, network = setting_of(settings)
+    setting, learner, network = setting_of(settings, devices)
     learner, setting = over_devices(learner, setting)
     call = lambda: run_chunk(  # noqa: E731
         learner, setting, network=network, settings=settings, cap=CAP, updates=UPDATES

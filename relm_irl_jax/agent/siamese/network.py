@@ -12,7 +12,9 @@ Views are few and fixed, so what depends on single views is computed once per up
 then costs a look-up for each view and the layers behind (`forward`). Where an update computes fewer views than there
 are states, tables would cost more than they save, and every view goes through the shared layer. Acting and learning
 see the same parameters, so the layers computed while acting serve the gradient too (`backward`); with `comparison` or
-`sees_reward` they are computed again. The plain formulation (`__call__`) is the same function, frame by frame.
+`sees_reward` they are computed again. Where an update has more frames than there are pairs of a state and a target,
+`relm_irl_jax.agent.siamese.pairs` goes further. The plain formulation (`__call__`) is the same function, frame by
+frame.
 """
 
 from dataclasses import dataclass, replace

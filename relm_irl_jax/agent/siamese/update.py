@@ -67,6 +67,9 @@ class Setting:
 
 Views = Int32[Array, "groups batch history"]
 
+Forward = Callable[[Views, Int32[Array, "groups batch"]], Activations | Outputs]
+"""Maps last states and targets of all workers to policy and value."""
+
 Pull = Callable[[Experience, Float32[Array, "time groups batch 4"], Float32[Array, "time groups batch"]], Parameters]
 """Maps the steps, and the gradient of a loss in their logits and values, to the gradient in θ."""
 
@@ -145,11 +148,7 @@ def update(
     """
     key, rollout_key = jax.random.split(learner.key)
     frames = setting.lane.first.size * settings.t_max
-    at, pull = (
-        through_frames(network, learner.parameters, setting, frames)
-        if setting.pairs is None
-        else through_pairs(network, learner.parameters, setting, setting.pairs)
-    )
+    at, pull = passes(network, learner.parameters, setting, frames)
     episode, experience, sums = rollout(
         rollout_key,
         sampling_actor(at),
@@ -175,9 +174,26 @@ def update(
     return Learner(cast(Parameters, optax.apply_updates(learner.parameters, change)), optimiser, episode, key), sums
 
 
+def passes(network: SiameseActorCritic, parameters: Parameters, setting: Setting, frames: int) -> tuple[Forward, Pull]:
+    """The network for acting and for learning, in the cheaper of two ways.
+
+    Args:
+        network: the network. Static.
+        parameters: θ.
+        setting: scenes and targets; its pairs decide.
+        frames: frames of the update. Static.
+
+    Returns:
+        The forward pass for last states and targets of all workers, and its backward pass over all steps.
+    """
+    if setting.pairs is None:
+        return through_frames(network, parameters, setting, frames)
+    return through_pairs(network, parameters, setting, setting.pairs)
+
+
 def through_frames(
     network: SiameseActorCritic, parameters: Parameters, setting: Setting, frames: int
-) -> tuple[Callable[[Views, Int32[Array, "groups batch"]], Activations], Pull]:
+) -> tuple[Forward, Pull]:
     """Compute each frame when it is met, from tables over states and over targets.
 
     Args:
@@ -214,7 +230,7 @@ def through_frames(
 
 def through_pairs(
     network: SiameseActorCritic, parameters: Parameters, setting: Setting, pairs: Pairs
-) -> tuple[Callable[[Views, Int32[Array, "groups batch"]], Outputs], Pull]:
+) -> tuple[Forward, Pull]:
     """Compute all pairs of a state and a target, and look frames up.
 
     Args:
@@ -243,7 +259,7 @@ def through_pairs(
     return look_up, pull
 
 
-def sampling_actor(network: Callable[[Views, Int32[Array, "groups batch"]], Activations | Outputs]) -> Actor:
+def sampling_actor(network: Forward) -> Actor:
     """Act by drawing from the policy, and keep the forward pass for learning.
 
     Args:
