@@ -14,6 +14,7 @@ from relm_irl_jax.agent.metric.network import MetricNetwork, Places, distance, p
 from relm_irl_jax.agent.rollout import sample_action
 from relm_irl_jax.agent.settings import MetricSettings
 from relm_irl_jax.agent.siamese.network import SiameseActorCritic, Tables, forward, tabulate
+from relm_irl_jax.agent.siamese.pairs import Outputs, Pairs, outputs_of, pairs_of
 from relm_irl_jax.env import Lane, scene_lanes
 from relm_irl_jax.scenes.scene import ACTIONS
 from relm_irl_jax.world import Targets, World
@@ -54,7 +55,7 @@ class RandomPolicy:
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class NetworkPolicy:
-    """A trained network, its tables computed for the scenes and targets at hand.
+    """A trained network that sees several views, its tables computed for the scenes and targets at hand.
 
     Attributes:
         parameters: the network's parameters.
@@ -83,6 +84,36 @@ class NetworkPolicy:
         return jnp.argmax(logits, -1).astype(jnp.int32) if self.greedy else sample_action(key, logits)
 
 
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class PairPolicy:
+    """A trained network that sees one view, its policy computed for every state and target at hand.
+
+    Attributes:
+        outputs: policy and value of every pair.
+        pairs: the pairs.
+        world: the scenes.
+        greedy: take the most probable action instead of drawing from the policy. Static.
+    """
+
+    outputs: Outputs
+    pairs: Pairs
+    world: World
+    greedy: bool = field(default=False, metadata={"static": True})
+
+    @property
+    def history(self) -> int:
+        """One view."""
+        return 1
+
+    def __call__(
+        self, key: PRNGKeyArray, views: Int32[Array, "scenes batch 1"], target: Int32[Array, "scenes batch"]
+    ) -> Int32[Array, "scenes batch"]:
+        """Return one action a worker."""
+        logits = self.outputs.logits[self.pairs.number(self.world, views[..., 0], target)]
+        return jnp.argmax(logits, -1).astype(jnp.int32) if self.greedy else sample_action(key, logits)
+
+
 def network_policy(
     network: SiameseActorCritic,
     parameters: Parameters,
@@ -90,7 +121,7 @@ def network_policy(
     targets: Targets,
     *,
     greedy: bool = False,
-) -> NetworkPolicy:
+) -> NetworkPolicy | PairPolicy:
     """Prepare a trained network for evaluation.
 
     Args:
@@ -103,6 +134,10 @@ def network_policy(
     Returns:
         The policy.
     """
+    if network.history == 1:
+        pairs = pairs_of(world, targets, network.n_heads)
+        outputs: Outputs = jax.jit(outputs_of, static_argnums=0)(network, parameters, world, targets, pairs)
+        return PairPolicy(outputs, pairs, world, greedy)
     tables = tabulate(network, parameters, world.features, targets.state, None, targets.predicted)
     first_state = jnp.searchsorted(world.scene, jnp.arange(_n_scenes(world)))
     return NetworkPolicy(parameters, tables, world.head[first_state], network, greedy)

@@ -10,7 +10,8 @@ import pytest
 from builders import grid_scene
 from jaxtyping import Array
 
-from relm_irl_jax.evaluation import Episodes, RandomPolicy, evaluate, metrics
+from relm_irl_jax.agent.siamese.network import SiameseActorCritic, tabulate
+from relm_irl_jax.evaluation import Episodes, NetworkPolicy, RandomPolicy, evaluate, metrics, network_policy
 from relm_irl_jax.experts import shortest_path_expert
 from relm_irl_jax.tasks import Target
 from relm_irl_jax.world import build_targets, build_world
@@ -90,3 +91,21 @@ def test_random_is_as_good_as_its_markov_chain():
     exact = np.linalg.matrix_power(chain, 12)[:, 6][np.arange(16) != 6].mean()
     episodes = evaluate(jax.random.key(2), RandomPolicy(), world, tables, 12, 20_000)
     assert metrics(episodes, 0).success_rate == pytest.approx(exact, abs=4 * np.sqrt(exact * (1 - exact) / 20_000))
+
+
+def test_a_network_computed_for_all_pairs_walks_as_one_computed_step_by_step():
+    generator = np.random.default_rng(0)
+    scenes = [
+        grid_scene(3, 3, name=f"room-{n}", features=generator.normal(size=(36, 8)).astype(np.float32)) for n in range(3)
+    ]
+    world = build_world(scenes, [1, 0, 1])
+    targets = build_targets(scenes, [Target(0, 3), Target(1, 20), Target(2, 9), Target(2, 11)])
+    network = SiameseActorCritic(n_heads=2, width=16)
+    parameters = network.init(jax.random.key(0), jnp.zeros((2, 1, 1, 8)), jnp.zeros((2, 1, 8)), jnp.arange(2))
+    parameters = jax.tree.map(lambda p: p + 0.3 * jax.random.normal(jax.random.key(3), p.shape), parameters)
+    pairs = network_policy(network, parameters, world, targets)
+    tables = tabulate(network, parameters, world.features, targets.state)
+    steps = NetworkPolicy(parameters, tables, jnp.asarray([1, 0, 1]), network)
+    one, other = (evaluate(jax.random.key(1), policy, world, targets, 30, 50) for policy in (pairs, steps))
+    assert (one.length == other.length).all()
+    assert 1 < one.length.mean() < 30
