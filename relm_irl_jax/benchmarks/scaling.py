@@ -69,13 +69,19 @@ def scaled(settings: SiameseSettings, workers: int, repeats: int) -> Scaling:
     )
     timing = measure(call, repeats)
     frames = setting.lane.first.size * settings.t_max * UPDATES
+    # What is summed over the devices: the gradient in θ, or in the four logits and the value of every pair.
+    exchanged = (
+        sum(x.nbytes for x in jax.tree.leaves(learner.parameters))
+        if setting.pairs is None
+        else 5 * 4 * sum(map(len, setting.pairs.state))
+    )
     return Scaling(
         devices=len(setting.lane.first.sharding.device_set),
         workers=setting.lane.first.size,
         first_seconds=round(timing.first, 3),
         update_seconds=round(timing.median / UPDATES, 5),
         frames_per_second=round(frames / timing.median),
-        exchanged_megabytes=round(sum(x.nbytes for x in jax.tree.leaves(learner.parameters)) / 1e6, 2),
+        exchanged_megabytes=round(exchanged / 1e6, 2),
     )
 
 
