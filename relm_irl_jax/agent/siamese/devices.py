@@ -2,8 +2,8 @@
 
 What a worker sees does not depend on the device that steps it, so one and eight devices, of one process or of several,
 compute the same numbers, up to the order of sums. What every device repeats limits the gain from more of them: the
-tables of the shared layer, or all pairs of a state and a target where those are computed. What they exchange in an update
-is one gradient of θ, or the gradient in logits and values of the pairs, which is smaller.
+tables of the shared layer, or all pairs of a state and a target where those are computed. What they exchange in an
+update is one gradient of θ, or the gradient in logits and values of the pairs, which is smaller.
 """
 
 from collections.abc import Sequence
