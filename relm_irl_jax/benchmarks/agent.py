@@ -21,8 +21,9 @@ from rich.table import Table
 from relm_irl_jax.agent.rollout import rollout, sample_action
 from relm_irl_jax.agent.settings import SiameseSettings
 from relm_irl_jax.agent.siamese.network import SiameseActorCritic
+from relm_irl_jax.agent.siamese.passes import passes
 from relm_irl_jax.agent.siamese.train import begin, cheaper_pairs, network_of, run_chunk, worker_lanes
-from relm_irl_jax.agent.siamese.update import Learner, Setting, passes, sampling_actor
+from relm_irl_jax.agent.siamese.update import Learner, Setting, sampling_actor
 from relm_irl_jax.benchmarks.axes import log_axes
 from relm_irl_jax.benchmarks.irl import open_room
 from relm_irl_jax.benchmarks.timing import Timing, machine, measure
@@ -154,7 +155,8 @@ def rates(settings: SiameseSettings, repeats: int) -> list[Rate]:
 
     @jax.jit
     def acting(key: PRNGKeyArray, parameters):
-        at, _ = passes(network, parameters, setting, workers * settings.t_max)
+        frames = workers * settings.t_max
+        at, _ = passes(network, parameters, setting.world, setting.targets, setting.pairs, frames)
         episode, experience, sums = _roll(key, sampling_actor(at), setting, learner, UPDATES * settings.t_max)
         return episode, experience.reward.sum(), sums
 

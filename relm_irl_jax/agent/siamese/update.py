@@ -18,8 +18,9 @@ from jaxtyping import Array, Bool, Float32, Int32, PRNGKeyArray
 from relm_irl_jax.agent.learning import Parameters
 from relm_irl_jax.agent.rollout import Actor, EpisodeSums, Experience, rollout, sample_action
 from relm_irl_jax.agent.settings import SiameseSettings
-from relm_irl_jax.agent.siamese.network import Activations, SiameseActorCritic, backward, forward, tabulate
-from relm_irl_jax.agent.siamese.pairs import Outputs, Pairs, outputs_of
+from relm_irl_jax.agent.siamese.network import Activations, SiameseActorCritic
+from relm_irl_jax.agent.siamese.pairs import Outputs, Pairs
+from relm_irl_jax.agent.siamese.passes import Forward, passes
 from relm_irl_jax.env import Episode, Lane
 from relm_irl_jax.rewards.model import RewardModel
 from relm_irl_jax.world import Targets, World
@@ -63,15 +64,6 @@ class Setting:
     reward_model: RewardModel
     return_scale: Float32[Array, ""]
     pairs: Pairs | None = None
-
-
-Views = Int32[Array, "groups batch history"]
-
-Forward = Callable[[Views, Int32[Array, "groups batch"]], Activations | Outputs]
-"""Maps last states and targets of all workers to policy and value."""
-
-Pull = Callable[[Experience, Float32[Array, "time groups batch 4"], Float32[Array, "time groups batch"]], Parameters]
-"""Maps the steps, and the gradient of a loss in their logits and values, to the gradient in θ."""
 
 
 def optimiser_of(settings: SiameseSettings) -> optax.GradientTransformation:
@@ -148,7 +140,7 @@ def update(
     """
     key, rollout_key = jax.random.split(learner.key)
     frames = setting.lane.first.size * settings.t_max
-    at, pull = passes(network, learner.parameters, setting, frames)
+    at, pull = passes(network, learner.parameters, setting.world, setting.targets, setting.pairs, frames)
     episode, experience, sums = rollout(
         rollout_key,
         sampling_actor(at),
@@ -172,91 +164,6 @@ def update(
     gradient = pull(experience, *of_outputs)
     change, optimiser = optimiser_of(settings).update(gradient, learner.optimiser, learner.parameters)
     return Learner(cast(Parameters, optax.apply_updates(learner.parameters, change)), optimiser, episode, key), sums
-
-
-def passes(network: SiameseActorCritic, parameters: Parameters, setting: Setting, frames: int) -> tuple[Forward, Pull]:
-    """The network for acting and for learning, in the cheaper of two ways.
-
-    Args:
-        network: the network. Static.
-        parameters: θ.
-        setting: scenes and targets; its pairs decide.
-        frames: frames of the update. Static.
-
-    Returns:
-        The forward pass for last states and targets of all workers, and its backward pass over all steps.
-    """
-    if setting.pairs is None:
-        return through_frames(network, parameters, setting, frames)
-    return through_pairs(network, parameters, setting, setting.pairs)
-
-
-def through_frames(
-    network: SiameseActorCritic, parameters: Parameters, setting: Setting, frames: int
-) -> tuple[Forward, Pull]:
-    """Compute each frame when it is met, from tables over states and over targets.
-
-    Args:
-        network: the network. Static.
-        parameters: θ.
-        setting: scenes and targets.
-        frames: frames of the update. Static.
-
-    Returns:
-        The forward pass for last states and targets of all workers, and its backward pass over all steps.
-    """
-    world, targets = setting.world, setting.targets
-    heads = jnp.arange(network.n_heads)
-    tables, pull_back = jax.vjp(
-        lambda theta: tabulate(network, theta, world.features, targets.state, frames, targets.predicted), parameters
-    )
-
-    def pull(experience: Experience, of_logits: Array, of_value: Array) -> Parameters:
-        of_heads, of_tables = backward(
-            network,
-            parameters,
-            tables,
-            experience.views,
-            experience.target,
-            heads,
-            experience.record,
-            of_logits,
-            of_value,
-        )
-        return jax.tree.map(jnp.add, of_heads, pull_back(of_tables)[0])
-
-    return lambda views, target: forward(network, parameters, tables, views, target, heads), pull
-
-
-def through_pairs(
-    network: SiameseActorCritic, parameters: Parameters, setting: Setting, pairs: Pairs
-) -> tuple[Forward, Pull]:
-    """Compute all pairs of a state and a target, and look frames up.
-
-    Args:
-        network: the network. Static.
-        parameters: θ.
-        setting: scenes and targets.
-        pairs: the pairs.
-
-    Returns:
-        The forward pass for last states and targets of all workers, and its backward pass over all steps.
-    """
-    outputs, pull_back = jax.vjp(
-        lambda theta: outputs_of(network, theta, setting.world, setting.targets, pairs), parameters
-    )
-
-    def look_up(views: Views, target: Array) -> Outputs:
-        number = pairs.number(setting.world, views[..., 0], target)
-        return Outputs(outputs.logits[number], outputs.value[number])
-
-    def pull(experience: Experience, of_logits: Array, of_value: Array) -> Parameters:
-        number = pairs.number(setting.world, experience.state, experience.target)
-        of_steps = Outputs(of_logits, of_value)
-        of_pairs = jax.tree.map(lambda out, of: jnp.zeros_like(out).at[number].add(of), outputs, of_steps)
-        return pull_back(of_pairs)[0]
-
-    return look_up, pull
 
 
 def sampling_actor(network: Forward) -> Actor:
