@@ -13,7 +13,8 @@ from relm_irl_jax.agent.learning import Parameters
 from relm_irl_jax.agent.metric.network import MetricNetwork, Places, distance, places_of
 from relm_irl_jax.agent.rollout import sample_action
 from relm_irl_jax.agent.settings import MetricSettings
-from relm_irl_jax.agent.siamese.network import SiameseActorCritic, Tables, forward, tabulate
+from relm_irl_jax.agent.siamese.frames import forward, tabulate
+from relm_irl_jax.agent.siamese.network import SiameseActorCritic, Tables
 from relm_irl_jax.agent.siamese.pairs import Outputs, Pairs, outputs_of, pairs_of
 from relm_irl_jax.env import Lane, scene_lanes
 from relm_irl_jax.scenes.scene import ACTIONS

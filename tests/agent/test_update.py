@@ -10,7 +10,8 @@ from builders import grid_scene
 
 from relm_irl_jax.agent.rollout import Experience, rollout, sample_action
 from relm_irl_jax.agent.settings import SiameseSettings
-from relm_irl_jax.agent.siamese.network import Activations, SiameseActorCritic, backward, forward, tabulate
+from relm_irl_jax.agent.siamese.frames import backward, forward, tabulate
+from relm_irl_jax.agent.siamese.network import Activations, SiameseActorCritic
 from relm_irl_jax.agent.siamese.train import begin, network_of, run_chunk, train, worker_lanes
 from relm_irl_jax.agent.siamese.update import (
     Setting,

@@ -18,7 +18,8 @@ from jaxtyping import Array, Float64, Int32, PRNGKeyArray
 
 from relm_irl_jax.agent.learning import Parameters, TrainingRecord, curve_of, cut, run_chunks
 from relm_irl_jax.agent.settings import SiameseSettings
-from relm_irl_jax.agent.siamese.network import SiameseActorCritic, forward, tabulate
+from relm_irl_jax.agent.siamese.frames import forward, tabulate
+from relm_irl_jax.agent.siamese.network import SiameseActorCritic
 from relm_irl_jax.agent.siamese.train import draw_parameters, network_of
 from relm_irl_jax.agent.siamese.update import optimiser_of, over_steps
 from relm_irl_jax.errors import InputError

@@ -14,7 +14,8 @@ import numpy as np
 from jaxtyping import Array, Float32, Int32
 
 from relm_irl_jax.agent.learning import Parameters
-from relm_irl_jax.agent.siamese.network import SiameseActorCritic, forward, tabulate
+from relm_irl_jax.agent.siamese.frames import forward, tabulate
+from relm_irl_jax.agent.siamese.network import SiameseActorCritic
 from relm_irl_jax.world import Targets, World
 
 

@@ -13,7 +13,8 @@ from jaxtyping import Array, Float32, Int32
 
 from relm_irl_jax.agent.learning import Parameters
 from relm_irl_jax.agent.rollout import Experience
-from relm_irl_jax.agent.siamese.network import Activations, SiameseActorCritic, backward, forward, tabulate
+from relm_irl_jax.agent.siamese.frames import backward, forward, tabulate
+from relm_irl_jax.agent.siamese.network import Activations, SiameseActorCritic
 from relm_irl_jax.agent.siamese.pairs import Outputs, Pairs, outputs_of
 from relm_irl_jax.world import Targets, World
 
