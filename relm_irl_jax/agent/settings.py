@@ -27,7 +27,7 @@ class SiameseSettings:
     leaves scenes that were not trained without a head."""
     workers: PositiveInt = 512
     """Workers that step in lockstep, split evenly over the heads. The more there are, the more frames a second, and the
-    more frames the hand-made reward needs to discover the farthest targets (5M with 512, 3M with 256)."""
+    more frames the hand-made reward needs to discover the farthest targets: 5M with 512."""
     t_max: PositiveInt = 20
     """Steps of each worker per update (the paper's t_max). Once an update has more frames than there are pairs of a
     state and a target, more of them cost nothing; but the fewer updates there are, the less is learned."""
