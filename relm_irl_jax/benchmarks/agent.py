@@ -269,7 +269,7 @@ def main(
 def _draw(rows: list[Rate], path: Path) -> None:
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(5.2, 3.6), layout="constrained")
+    figure = Figure(figsize=(5.2, 4.2), layout="constrained")
     axes = figure.subplots()
     for what, history in dict.fromkeys((row.what, row.history) for row in rows):
         own = [row for row in rows if (row.what, row.history) == (what, history)]
@@ -277,5 +277,5 @@ def _draw(rows: list[Rate], path: Path) -> None:
         axes.loglog([row.workers for row in own], [row.frames_per_second for row in own], "o-", label=label)
     axes.set(xlabel="workers", ylabel="frames a second")
     log_axes(axes, [row.workers for row in rows])
-    axes.legend(frameon=False)
+    figure.legend(loc="outside lower center", ncols=2, frameon=False)
     figure.savefig(path, dpi=150)
