@@ -53,6 +53,11 @@ class RandomPolicy:
         return jax.random.randint(key, target.shape, 0, len(ACTIONS))
 
 
+def _chosen(key: PRNGKeyArray, logits: Float32[Array, "*batch 4"], greedy: bool) -> Int32[Array, "*batch"]:
+    """The most probable actions, or actions drawn from the policy."""
+    return jnp.argmax(logits, -1).astype(jnp.int32) if greedy else sample_action(key, logits)
+
+
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class NetworkPolicy:
@@ -82,7 +87,7 @@ class NetworkPolicy:
     ) -> Int32[Array, "scenes batch"]:
         """Return one action a worker."""
         logits = forward(self.network, self.parameters, self.tables, views, target, self.head).logits
-        return jnp.argmax(logits, -1).astype(jnp.int32) if self.greedy else sample_action(key, logits)
+        return _chosen(key, logits, self.greedy)
 
 
 @jax.tree_util.register_dataclass
@@ -112,7 +117,7 @@ class PairPolicy:
     ) -> Int32[Array, "scenes batch"]:
         """Return one action a worker."""
         logits = self.outputs.logits[self.pairs.number(self.world, views[..., 0], target)]
-        return jnp.argmax(logits, -1).astype(jnp.int32) if self.greedy else sample_action(key, logits)
+        return _chosen(key, logits, self.greedy)
 
 
 def network_policy(

@@ -126,7 +126,7 @@ def operations(setting: Setting, network: SiameseActorCritic, frames: int) -> fl
         encoded += targets
     shared = 2 * 2 * encoded * network.history * features * width
     fusion = 3 * 2 * (fused + targets) * width * width
-    computed = frames if setting.pairs is None else sum(map(len, setting.pairs.state))
+    computed = frames if setting.pairs is None else setting.pairs.count
     heads = 3 * 2 * computed * width * (width + 5)
     return float(shared + fusion + heads)
 

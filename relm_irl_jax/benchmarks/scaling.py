@@ -73,7 +73,7 @@ def scaled(settings: SiameseSettings, workers: int, repeats: int) -> Scaling:
     exchanged = (
         sum(x.nbytes for x in jax.tree.leaves(learner.parameters))
         if setting.pairs is None
-        else 5 * 4 * sum(map(len, setting.pairs.state))
+        else 5 * 4 * setting.pairs.count
     )
     return Scaling(
         devices=len(setting.lane.first.sharding.device_set),

@@ -171,9 +171,9 @@ def _following_costs(
     costs = []
     with progress_bar("predicting rewards", sum(map(len, states)), "goals") as advance:
         for scene, own in zip(scenes, states, strict=True):
-            cost = np.empty((len(own), scene.n_states))
+            phi, cost = basis(scene.encoded), np.empty((len(own), scene.n_states))
             for row, goal in enumerate(own.tolist()):
-                cost[row] = -predicted_here(scene.encoded, goal, machine, basis, settings.program.form)
+                cost[row] = -predicted_here(scene.encoded, phi, goal, machine, settings.program.form)
                 advance(1)
             costs.append(_clipped(cost, settings))
     return costs

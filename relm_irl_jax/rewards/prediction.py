@@ -11,7 +11,7 @@ from pydantic.dataclasses import dataclass as settings_dataclass
 
 from relm_irl_jax.elm import ELMRegressor
 from relm_irl_jax.progress import progress_bar
-from relm_irl_jax.rewards.demonstrations import DemonstratedReward, RewardBasis
+from relm_irl_jax.rewards.demonstrations import DemonstratedReward
 from relm_irl_jax.scenes.scene import Scene
 
 
@@ -65,11 +65,27 @@ def pair_inputs(
     return np.concatenate([start, target], axis=1)
 
 
+def predicted_weights(
+    views: Float32[np.ndarray, "states feature"], goal: int, machine: ELMRegressor
+) -> Float64[np.ndarray, "states d"]:
+    """Weights that the machine predicts from every state of a scene to one target, ŵ(s, g).
+
+    Args:
+        views: view features of the scene.
+        goal: the target's state.
+        machine: the fitted machine.
+
+    Returns:
+        The weights.
+    """
+    return machine.predict(pair_inputs(views, np.broadcast_to(views[goal], views.shape)))
+
+
 def predicted_here(
     views: Float32[np.ndarray, "states feature"],
+    phi: Float64[np.ndarray, "states d"],
     goal: int,
     machine: ELMRegressor,
-    basis: RewardBasis,
     form: Literal["cost", "free"],
 ) -> Float64[np.ndarray, "states"]:
     """Reward that the machine predicts for being in each state of a scene, from that state's own view.
@@ -78,16 +94,15 @@ def predicted_here(
 
     Args:
         views: view features of the scene.
+        phi: φ of the same views.
         goal: the target's state.
         machine: the fitted machine.
-        basis: φ.
         form: form of the reward.
 
     Returns:
         The rewards, unclipped.
     """
-    phi = basis(views)
-    w = machine.predict(pair_inputs(views, np.broadcast_to(views[goal], views.shape)))
+    w = predicted_weights(views, goal, machine)
     return (w * (phi - phi[goal] if form == "cost" else phi)).sum(1)
 
 

@@ -34,6 +34,11 @@ class Pairs:
     target: tuple[Int32[Array, "pairs"], ...]
     first: Int32[Array, "targets"]
 
+    @property
+    def count(self) -> int:
+        """Number of pairs."""
+        return sum(map(len, self.state))
+
     def number(
         self, world: World, state: Int32[Array, "*batch"], target: Int32[Array, "*batch"]
     ) -> Int32[Array, "*batch"]:

@@ -103,7 +103,7 @@ def cheaper_pairs(world: World, targets: Targets, network: SiameseActorCritic, f
     if network.history > 1:
         return None
     pairs = pairs_of(world, targets, network.n_heads)
-    return pairs if sum(map(len, pairs.state)) <= frames else None
+    return pairs if pairs.count <= frames else None
 
 
 def draw_parameters(key: PRNGKeyArray, network: SiameseActorCritic, world: World) -> Parameters:
