@@ -22,6 +22,9 @@ class SiameseSettings:
     sees_reward: bool = False
     """Whether the fusion layer also sees the reward that ELM-IRL or RELM-IRL predicts for the current view and the
     target; other methods predict none, and see 0."""
+    initial: Literal["he", "uniform"] = "he"
+    """Weights at first: He's normal ones, with small ones for the policy; or the original agent's, uniform between
+    ±1/√inputs, whose smaller activations its step size is made for."""
     heads: Literal["room_type", "shared", "scene"] = "room_type"
     """Which scenes share the last hidden layer, the policy and the value. `scene` is the original agent's choice, which
     leaves scenes that were not trained without a head."""
@@ -41,6 +44,8 @@ class SiameseSettings:
     t_max steps by itself: workers that update at once go as far with the `sum`. Adam does not care for the scale."""
     learning_rate: PositiveFloat = 1e-3
     """Step size."""
+    decay_frames: PositiveInt | None = None
+    """Frames over which the step size falls to nothing along a line; None for a constant one."""
     gradient_clip: PositiveFloat = 40.0
     """Greatest global norm of a gradient; for each worker, where they are summed."""
     value_weight: PositiveFloat = 0.25

@@ -21,6 +21,28 @@ ACTIVATIONS: tuple[Activation, ...] = ("tanh", "sigmoid", "relu", "rbf", "linear
 """Kinds of neuron; `linear` passes the standardised inputs through."""
 
 
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Projection:
+    """All that neurons take from inputs x. It is a sum over the inputs: parts of them may be projected apart and added.
+
+    Attributes:
+        product: w·x of every neuron.
+        square: ‖x‖².
+    """
+
+    product: Float[Array, "samples neurons"]
+    square: Float[Array, "samples"]
+
+    def __add__(self, other: "Projection") -> "Projection":
+        """The projection of both parts side by side."""
+        return Projection(self.product + other.product, self.square + other.square)
+
+    def __getitem__(self, samples: Int[np.ndarray, "chosen"]) -> "Projection":
+        """The projection of some of the samples."""
+        return Projection(self.product[samples], self.square[samples])
+
+
 @dataclass(frozen=True)
 class HiddenLayer:
     """A hidden layer with its input standardisation.
@@ -43,8 +65,34 @@ class HiddenLayer:
 
     def __call__(self, X: Float64[np.ndarray, "samples inputs"]) -> Float64[np.ndarray, "samples neurons"]:
         """Outputs H of the neurons."""
+        return self.outputs(self.project(X))
+
+    def project(self, X: Float64[np.ndarray, "samples part"], first: int = 0) -> Projection:
+        """Project some of the inputs, standardised.
+
+        Args:
+            X: consecutive inputs.
+            first: number of the first of them.
+
+        Returns:
+            Their share of the projection.
+        """
+        part = slice(first, first + X.shape[1])
         with float64():
-            H = _neurons(X, self.mean, self.scale, self.weights, self.bias, self.linear, activation=self.activation)
+            return _project(X, self.mean[part], self.scale[part], self.weights[part])
+
+    def outputs(self, projection: Projection) -> Float64[np.ndarray, "samples neurons"]:
+        """Outputs H of the neurons for projected inputs.
+
+        Args:
+            projection: of all inputs.
+
+        Returns:
+            H.
+        """
+        centres = np.square(self.weights).sum(axis=0) if self.activation == "rbf" else np.zeros(1)
+        with float64():
+            H = _activate(projection, centres, self.bias, self.linear, activation=self.activation)
         return np.asarray(H)
 
     def take(self, neurons: Int[np.ndarray, "kept"]) -> "HiddenLayer":
@@ -61,7 +109,19 @@ def neuron_outputs(
     activation: Activation,
 ) -> Float[Array, "samples neurons"]:
     """Outputs of a layer on standardised inputs; pure, for `jax.jit` and `jax.vmap`."""
-    product = X @ weights
+    return _activate(_project(X, 0.0, 1.0, weights), jnp.sum(weights**2, axis=0), bias, linear, activation=activation)
+
+
+@jax.jit
+def _project(X, mean, scale, weights):
+    Z = (X - mean) / scale
+    return Projection(Z @ weights, jnp.sum(Z**2, axis=1))
+
+
+@partial(jax.jit, static_argnames="activation")
+def _activate(projection, centres, bias, linear, activation: Activation):
+    """Outputs of neurons from their projection and, for RBF neurons, the squared norm of their centres."""
+    product = projection.product
     match activation:
         case "tanh":
             H = jnp.tanh(product + bias)
@@ -70,16 +130,11 @@ def neuron_outputs(
         case "relu":
             H = jax.nn.relu(product + bias)
         case "rbf":
-            square = jnp.sum(X**2, axis=1)[:, None] - 2 * product + jnp.sum(weights**2, axis=0)
+            square = projection.square[:, None] - 2 * product + centres
             H = jnp.exp(-bias * jnp.maximum(square, 0))
         case "linear":
             H = product + bias
     return jnp.where(linear, product + bias, H)
-
-
-@partial(jax.jit, static_argnames="activation")
-def _neurons(X, mean, scale, weights, bias, linear, activation):
-    return neuron_outputs((X - mean) / scale, weights, bias, linear, activation)
 
 
 def draw_hidden(

@@ -10,7 +10,7 @@ from pydantic.dataclasses import dataclass as settings_dataclass
 from relm_irl_jax.elm import ELMRegressor
 from relm_irl_jax.rewards.demonstrations import DemonstratedReward, IrlSettings, RewardBasis
 from relm_irl_jax.rewards.model import LinearReward, ManualReward
-from relm_irl_jax.rewards.prediction import ElmSettings, predicted_here, predicted_weights
+from relm_irl_jax.rewards.prediction import ElmSettings, ScenePredictor
 from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.tasks import Target
 from relm_irl_jax.world import scene_offsets
@@ -96,9 +96,10 @@ def predicted_reward(
     """
     sizes = [scenes[target.scene].n_states for target in targets]
     row = np.zeros((len(targets), max(scene.n_states for scene in scenes)), np.int32)
+    predictors = [ScenePredictor(scene.encoded, machine) for scene in scenes]
     weights, first = [], 0
     for number, (target, size) in enumerate(zip(targets, sizes, strict=True)):
-        weights.append(predicted_weights(scenes[target.scene].encoded, target.state, machine))
+        weights.append(predictors[target.scene].weights_to(target.state))
         row[number, :size] = first + np.arange(size)
         first += size
     return _linear(np.concatenate(weights), row, scenes, basis, settings, follow=elm.follow)
@@ -126,11 +127,11 @@ def predicted_inputs(
     offsets = scene_offsets(scenes)
     seen = np.zeros((len(targets), sum(scene.n_states for scene in scenes)), np.float32)
     form, r_max = settings.program.form, settings.program.r_max
-    phi = [basis(scene.encoded) for scene in scenes]
+    predictors = [(ScenePredictor(scene.encoded, machine), basis(scene.encoded)) for scene in scenes]
     for row, target in enumerate(targets):
-        scene, first = scenes[target.scene], offsets[target.scene]
-        reward = predicted_here(scene.encoded, phi[target.scene], target.state, machine, form) / r_max
-        seen[row, first : first + scene.n_states] = np.clip(reward, -1, 0 if form == "cost" else 1)
+        predictor, phi = predictors[target.scene]
+        reward, first = predictor.rewards_to(target.state, phi, form) / r_max, offsets[target.scene]
+        seen[row, first : first + len(phi)] = np.clip(reward, -1, 0 if form == "cost" else 1)
     return seen
 
 

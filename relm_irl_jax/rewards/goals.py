@@ -17,7 +17,7 @@ from relm_irl_jax.errors import InputError
 from relm_irl_jax.progress import progress_bar
 from relm_irl_jax.rewards.assemble import ManualSettings
 from relm_irl_jax.rewards.demonstrations import DemonstratedReward, IrlSettings, RewardBasis
-from relm_irl_jax.rewards.prediction import pair_inputs, predicted_here
+from relm_irl_jax.rewards.prediction import ScenePredictor
 from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.tasks import TaskSplit
 
@@ -137,8 +137,8 @@ def predicted_goals(
     weights = []
     for scene, own in zip(scenes, states, strict=True):
         starts = generator.choice(scene.reachable, (IMAGINED_STARTS, len(own)))
-        views = scene.encoded
-        weights.append(np.mean([machine.predict(pair_inputs(views[start], views[own])) for start in starts], axis=0))
+        predictor = ScenePredictor(scene.encoded, machine)
+        weights.append(np.mean([predictor.weights(start, own) for start in starts], axis=0))
     return _goals(states, _linear_costs(scenes, states, weights, basis, settings), split)
 
 
@@ -171,9 +171,10 @@ def _following_costs(
     costs = []
     with progress_bar("predicting rewards", sum(map(len, states)), "goals") as advance:
         for scene, own in zip(scenes, states, strict=True):
-            phi, cost = basis(scene.encoded), np.empty((len(own), scene.n_states))
+            predictor, phi = ScenePredictor(scene.encoded, machine), basis(scene.encoded)
+            cost = np.empty((len(own), scene.n_states))
             for row, goal in enumerate(own.tolist()):
-                cost[row] = -predicted_here(scene.encoded, phi, goal, machine, settings.program.form)
+                cost[row] = -predictor.rewards_to(goal, phi, settings.program.form)
                 advance(1)
             costs.append(_clipped(cost, settings))
     return costs

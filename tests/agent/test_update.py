@@ -284,6 +284,35 @@ def test_the_original_optimiser_by_hand():
         np.testing.assert_allclose(change["w"], -0.5 * np.asarray(clipped) / np.sqrt(mean_square + 0.1), rtol=1e-5)
 
 
+def test_the_step_size_falls_along_a_line():
+    """Four updates of 3 workers and 5 steps."""
+    settings = SiameseSettings(
+        optimizer="rmsprop", gradient="sum", workers=3, t_max=5, learning_rate=0.5, decay_frames=60
+    )
+    optimiser = optimiser_of(settings)
+    parameters = {"w": jnp.zeros(1)}
+    state = optimiser.init(parameters)
+    steps = []
+    for _ in range(5):
+        change, state = optimiser.update({"w": jnp.ones(1)}, state, parameters)
+        steps.append(float(change["w"][0]))
+    np.testing.assert_allclose(steps, -0.5 * np.array([1, 0.75, 0.5, 0.25, 0]) / np.sqrt(1.1), rtol=1e-5)
+
+
+@pytest.mark.parametrize("comparison", [False, True])
+def test_uniform_weights_lie_within_one_over_the_root_of_the_inputs(comparison):
+    network = SiameseActorCritic(n_heads=2, width=64, history=4, comparison=comparison, uniform=True)
+    view, target = jnp.zeros((2, 1, 4, 20)), jnp.zeros((2, 1, 20))
+    weights = network.init(jax.random.key(0), view, target, jnp.arange(2))["params"]
+    fused = [weights[name]["kernel"] for name in weights if name.startswith("fusion")]
+    assert len(fused) == 2 + comparison
+    inputs = [(weights["shared"]["kernel"], 80), *((part, len(fused) * 64) for part in fused)]
+    inputs += [(weights[name], 64) for name in ("head_kernel", "policy_kernel", "value_kernel")]
+    for weight, count in inputs:
+        greatest = float(jnp.abs(weight).max())
+        assert 0.95 / np.sqrt(count) < greatest <= 1 / np.sqrt(count)
+
+
 def test_summed_gradients_are_as_many_times_the_mean():
     loss = jnp.asarray([[1.0, 2.0], [3.0, 6.0]])
     assert float(over_steps(loss, SiameseSettings())) == 3.0

@@ -75,6 +75,8 @@ class SiameseActorCritic(nn.Module):
         history: number of last views that are seen.
         comparison: whether the fusion layer sees the product z(s)⊙z(g), too.
         sees_reward: whether it sees the predicted reward r̂(s, g), too.
+        uniform: whether weights are drawn uniformly from ±1/√inputs, as the original agent's, instead of He's normal
+            ones with small ones for the policy.
     """
 
     n_heads: int
@@ -82,27 +84,36 @@ class SiameseActorCritic(nn.Module):
     history: int = 1
     comparison: bool = False
     sees_reward: bool = False
+    uniform: bool = False
 
     def setup(self) -> None:
         """Declare the layers."""
-        he = nn.initializers.he_normal()
-        stacked = nn.initializers.variance_scaling(2.0, "fan_in", "truncated_normal", batch_axis=(0,))
+        drawn = partial(nn.initializers.variance_scaling, batch_axis=(0,))
         # Few outputs stand in rows: the gradient in them is then a few long rows, which is three times as fast.
-        rows = partial(nn.initializers.variance_scaling, in_axis=-1, out_axis=-2, batch_axis=(0,))
-        small, plain = rows(1e-4, "fan_in", "truncated_normal"), rows(2.0, "fan_in", "truncated_normal")
+        rows = partial(drawn, in_axis=-1, out_axis=-2)
+        if self.uniform:
+            # Variance of the uniform distribution on ±1/√inputs; a part of the fusion layer has a share of the inputs.
+            law = (1 / 3, "fan_in", "uniform")
+            layer, policy, value = drawn(*law), rows(*law), rows(*law)
+            shared = nn.initializers.variance_scaling(*law)
+            part = nn.initializers.variance_scaling(1 / (3 * (2 + self.comparison)), *law[1:])
+        else:
+            law = (2.0, "fan_in", "truncated_normal")
+            layer, policy, value = drawn(*law), rows(1e-4, *law[1:]), rows(*law)
+            shared, part = nn.initializers.he_normal(), nn.initializers.lecun_normal()
         zeros = nn.initializers.zeros
-        self.shared = nn.Dense(self.width, kernel_init=he)
-        self.fusion_state = nn.Dense(self.width)
-        self.fusion_target = nn.Dense(self.width, use_bias=False)
+        self.shared = nn.Dense(self.width, kernel_init=shared)
+        self.fusion_state = nn.Dense(self.width, kernel_init=part)
+        self.fusion_target = nn.Dense(self.width, use_bias=False, kernel_init=part)
         if self.comparison:
-            self.fusion_product = nn.Dense(self.width, use_bias=False)
+            self.fusion_product = nn.Dense(self.width, use_bias=False, kernel_init=part)
         if self.sees_reward:
             self.fusion_reward = self.param("fusion_reward", nn.initializers.normal(1.0), (self.width,))
-        self.head_kernel = self.param("head_kernel", stacked, (self.n_heads, self.width, self.width))
+        self.head_kernel = self.param("head_kernel", layer, (self.n_heads, self.width, self.width))
         self.head_bias = self.param("head_bias", zeros, (self.n_heads, 1, self.width))
-        self.policy_kernel = self.param("policy_kernel", small, (self.n_heads, len(ACTIONS), self.width))
+        self.policy_kernel = self.param("policy_kernel", policy, (self.n_heads, len(ACTIONS), self.width))
         self.policy_bias = self.param("policy_bias", zeros, (self.n_heads, 1, len(ACTIONS)))
-        self.value_kernel = self.param("value_kernel", plain, (self.n_heads, 1, self.width))
+        self.value_kernel = self.param("value_kernel", value, (self.n_heads, 1, self.width))
         self.value_bias = self.param("value_bias", zeros, (self.n_heads, 1, 1))
 
     def tables(

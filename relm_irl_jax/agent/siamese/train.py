@@ -41,7 +41,12 @@ def network_of(settings: SiameseSettings, n_heads: int) -> SiameseActorCritic:
         The network without parameters.
     """
     return SiameseActorCritic(
-        n_heads, settings.width, settings.history, settings.fusion == "comparison", settings.sees_reward
+        n_heads,
+        settings.width,
+        settings.history,
+        settings.fusion == "comparison",
+        settings.sees_reward,
+        settings.initial == "uniform",
     )
 
 

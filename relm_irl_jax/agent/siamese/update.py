@@ -71,7 +71,8 @@ def optimiser_of(settings: SiameseSettings) -> optax.GradientTransformation:
 
         ν ← 0.99 ν + 0.01 g²,   θ ← θ − η g / √(ν + 0.1),   ν = 1 at first
 
-    Where workers' gradients are summed, the bound is one worker's and counts once for each of them.
+    Where workers' gradients are summed, the bound is one worker's and counts once for each of them. η is constant, or
+    falls along a line.
 
     Args:
         settings: the agent's settings.
@@ -79,10 +80,13 @@ def optimiser_of(settings: SiameseSettings) -> optax.GradientTransformation:
     Returns:
         The gradient transformation.
     """
+    rate = settings.learning_rate
+    if settings.decay_frames is not None:
+        rate = optax.linear_schedule(rate, 0.0, -(-settings.decay_frames // (settings.workers * settings.t_max)))
     if settings.optimizer == "adam":
-        step = optax.adam(settings.learning_rate)
+        step = optax.adam(rate)
     else:
-        step = optax.rmsprop(settings.learning_rate, decay=0.99, eps=0.1, initial_scale=1.0, eps_in_sqrt=True)
+        step = optax.rmsprop(rate, decay=0.99, eps=0.1, initial_scale=1.0, eps_in_sqrt=True)
     bound = settings.gradient_clip * (settings.workers if settings.gradient == "sum" else 1)
     return optax.chain(optax.clip_by_global_norm(bound), step)
 
