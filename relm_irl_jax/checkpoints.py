@@ -95,7 +95,8 @@ class Checkpoints:
         except Exception as error:  # whatever it is that reading damaged files meets
             reason = shorten(str(error) or type(error).__name__, 60, placeholder=" …")
             raise InputError(f"{self.path}: the checkpoint cannot be read ({reason}).") from error
-        sys.unraisablehook = hook
+        finally:
+            sys.unraisablehook = hook
         if trained_part(before) != trained_part(self.config):
             raise InputError(f"{self.path}: the checkpoint is of another configuration.")
         return _with_keys(like, found.state), found.rows

@@ -8,6 +8,7 @@ may be shared or not.
 from typing import Annotated
 
 import jax
+from jax.experimental import multihost_utils
 from pydantic import Field, NonNegativeInt
 from pydantic.dataclasses import dataclass
 
@@ -45,3 +46,5 @@ def join(settings: ClusterSettings) -> None:
         jax.distributed.initialize(settings.coordinator, settings.processes, settings.process)
     except (RuntimeError, ValueError) as error:
         raise InputError(f"cluster.coordinator: {settings.coordinator} cannot be met ({error}).") from error
+    # Processes connect at their first exchange, and wait half a minute for each other: now, before any one compiles.
+    multihost_utils.sync_global_devices("joined")

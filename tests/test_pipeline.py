@@ -2,25 +2,14 @@
 
 import json
 import re
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
+from command import EXPERIMENT, QUICK, in_process, relm_irl
 from PIL import Image, ImageSequence
 
-from relm_irl_jax.cli import main
 from relm_irl_jax.runs import load_parameters, read_table
 from relm_irl_jax.stages.playing import FRAME_MILLISECONDS
-
-EXPERIMENT = Path(__file__).parents[1] / "experiments" / "smoke.toml"
-QUICK = ("--frames", "6000", "--evaluation.episodes", "50", "--elm.hidden", "40")
-
-
-def relm_irl(*arguments: str, cwd: Path) -> subprocess.CompletedProcess:
-    command = [sys.executable, "-W", "error::DeprecationWarning:relm_irl_jax", "-m", "relm_irl_jax", *arguments]
-    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=1200, check=False)
 
 
 @pytest.fixture(scope="module")
@@ -74,12 +63,6 @@ def test_the_same_seed_gives_the_same_results(first, folder):
     assert weights[0] == weights[1]
 
 
-def in_process(monkeypatch, folder, *arguments: str) -> None:
-    monkeypatch.chdir(folder)
-    monkeypatch.setattr(sys, "argv", ["relm-irl", *arguments])
-    main()
-
-
 def test_a_finished_run_is_evaluated_without_training(first, folder, monkeypatch):
     weights = folder / "one" / "agents" / "rl-seed-0.safetensors"
     before = weights.stat().st_mtime_ns
@@ -130,20 +113,6 @@ def test_seeds_at_once_are_the_seeds_alone(first, folder, monkeypatch):
     assert own != other
     rows = json.loads((folder / "together" / "results.json").read_text())["rows"]
     assert {row["seed"] for row in rows} == {0, 1}
-
-
-def test_the_metric_agent_runs_through_the_same_chain(first, folder, monkeypatch):
-    small = ("--agent", "metric", "--metric.width", "32", "--metric.dimension", "16", "--metric.workers", "96")
-    methods = ("--methods", "irl", "relm-irl")
-    in_process(monkeypatch, folder, "train", "--config", str(EXPERIMENT), "--run", "metric", *QUICK, *small, *methods)
-    rows = json.loads((folder / "metric" / "results.json").read_text())["rows"]
-    assert {row["method"] for row in rows} == {"irl", "relm-irl"}
-    assert float(read_table(folder / "metric" / "curves" / "irl-seed-0.csv")["states_met"][-1]) > 0.9
-    for room_type in ("bathroom", "bedroom", "living_room"):
-        assert (folder / "metric" / "figures" / f"distance-II-{room_type}.png").stat().st_size > 0
-        assert "RELM-IRL" in read_table(folder / "metric" / "figures" / f"distance-II-{room_type}.csv")
-    assert "metric agent (hindsight: strict)" in (folder / "metric" / "report.md").read_text()
-    in_process(monkeypatch, folder, "play", "metric", "--method", "irl")
 
 
 @pytest.mark.parametrize(

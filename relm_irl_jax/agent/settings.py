@@ -84,9 +84,15 @@ class MetricSettings:
     """The distance is the mean of the Euclidean distances in this many equal parts of the embedding; with 1 it is
     Euclidean, and with `dimension` a sum of absolute differences. Walks on a grid are no straight lines: several parts
     fit them better than one or sixteen (SPL on new targets .74, .72 and .71 after 300 updates)."""
+    distance: Literal["euclidean", "interval"] = "euclidean"
+    """What a part of the embedding measures: a Euclidean distance, or the length of a union of intervals, which can
+    represent any distances, the way back longer than the way there or not."""
     symmetric: bool = True
-    """Whether the way back is as long as the way there; worlds in which a step cannot be taken back need a distance
-    that is not."""
+    """Whether the Euclidean way back is as long as the way there; worlds in which a step cannot be taken back need a
+    distance that is not."""
+    bootstrap: bool = False
+    """Whether a distance learns from the cost of a step and the learned distance behind it (temporal differences);
+    otherwise from the least costs to go that dynamic programming finds on the experience graph."""
     workers: PositiveInt = 256
     """Workers that step in lockstep, split evenly over the scenes."""
     t_max: PositiveInt = 16

@@ -40,13 +40,34 @@ class Difference:
 
     @property
     def verdict(self) -> Verdict:
-        """`ahead of` or `behind` where the interval excludes zero and the difference is not below `SMALLEST`.
-
-        One seed has no interval and decides nothing.
-        """
-        if not abs(self.value.mean) > max(self.value.half_width, SMALLEST):
+        """`ahead of` or `behind` where the difference is `decided`."""
+        if not decided(self.value):
             return "not distinguishable from"
         return "ahead of" if self.value.mean > 0 else "behind"
+
+
+def decided(value: Cell) -> bool:
+    """Whether a difference's interval excludes zero, and the difference is not below `SMALLEST`.
+
+    Args:
+        value: the difference; one seed has no interval and decides nothing.
+
+    Returns:
+        Whether it does.
+    """
+    return abs(value.mean) > max(value.half_width, SMALLEST)
+
+
+def marked(value: Cell) -> str:
+    """A difference for a table, bold where it is `decided`.
+
+    Args:
+        value: the difference.
+
+    Returns:
+        Markdown.
+    """
+    return f"**{signed(value)}**" if decided(value) else signed(value)
 
 
 def signed(value: Cell) -> str:
@@ -131,11 +152,7 @@ def difference_table(found: Sequence[Difference]) -> str:
     values = {(d.task, d.rival, d.metric): d for d in found}
     lines = ["| Task | Difference | SR | SPL |", "|---|---|---:|---:|"]
     for task, rival in rows:
-        shown = []
-        for metric in ("sr", "spl"):
-            difference = values[task, rival, metric]
-            text = signed(difference.value)
-            shown.append(text if difference.verdict == "not distinguishable from" else f"**{text}**")
+        shown = [marked(values[task, rival, metric].value) for metric in ("sr", "spl")]
         lines.append(f"| {task} | {METHOD_NAMES[OURS]} − {METHOD_NAMES[rival]} | {' | '.join(shown)} |")
     return "\n".join(lines)
 

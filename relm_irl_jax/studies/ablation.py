@@ -10,7 +10,7 @@ from pydantic.dataclasses import dataclass as settings_dataclass
 
 from relm_irl_jax.config import Agent, Config, first_fault, overlay, read_record
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.report.comparison import OURS, paired, signed
+from relm_irl_jax.report.comparison import OURS, marked, paired
 from relm_irl_jax.report.tables import METRIC_NAMES, Cell, by_seed, summarise
 from relm_irl_jax.runs import RunFolder, read_all_results
 from relm_irl_jax.studies.study import TASKS, complete, finished
@@ -221,7 +221,6 @@ def ablation_table(lines: Sequence[Measured], metric: str) -> str:
         for task in TASKS:
             cells.append(str(line.value[task, metric]))
             change = line.change.get((task, metric))
-            text = "" if change is None else signed(change)
-            cells.append(f"**{text}**" if change is not None and abs(change.mean) > change.half_width else text)
+            cells.append("" if change is None else marked(change))
         lines_.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines_)

@@ -22,9 +22,9 @@ from relm_irl_jax.agent.metric.experience import (
     no_experience,
     steps_to_frontier,
 )
+from relm_irl_jax.agent.metric.loss import Hindsight, MetricSetting, hindsight_loss
 from relm_irl_jax.agent.metric.network import Places, distance, distances, metric_network
 from relm_irl_jax.agent.metric.train import one_way, train_metric
-from relm_irl_jax.agent.metric.update import Hindsight, MetricSetting, hindsight_loss
 from relm_irl_jax.agent.settings import MetricSettings
 from relm_irl_jax.config import Config
 from relm_irl_jax.env import Lane
@@ -112,9 +112,12 @@ def test_coverage_counts_reachable_states_alone():
 
 
 @settings(max_examples=20, deadline=None)
-@given(st.integers(0, 10_000), st.booleans())
-def test_distances_are_a_quasimetric(seed, symmetric):
-    form = MetricSettings(dimension=6, groups=2, symmetric=symmetric)
+@given(st.integers(0, 10_000), st.sampled_from(["symmetric", "not symmetric", "interval"]))
+def test_distances_are_a_quasimetric(seed, kind):
+    symmetric = kind == "symmetric"
+    form = MetricSettings(
+        dimension=6, groups=2, symmetric=symmetric, distance="interval" if kind == "interval" else "euclidean"
+    )
     a, b, c = jax.random.normal(jax.random.key(seed), (3, 6))
     d = lambda x, y: float(distance(x, y, form))  # noqa: E731
     assert d(a, c) <= d(a, b) + d(b, c) + 1e-5
@@ -125,9 +128,21 @@ def test_distances_are_a_quasimetric(seed, symmetric):
     np.testing.assert_allclose(pairs, [[d(a, b), d(a, c)], [d(b, b), d(b, c)]], rtol=1e-3, atol=2e-3)
 
 
-def test_the_loss_vanishes_where_places_are_right():
+@settings(max_examples=20, deadline=None)
+@given(st.lists(st.tuples(st.integers(0, 12), st.integers(0, 12)), min_size=1, max_size=6))
+def test_interval_distance_is_the_length_of_a_union(ends):
+    """Counted: which unit steps of the line some interval covers."""
+    covered = {step for begin, end in ends for step in range(begin, end)}
+    form = MetricSettings(dimension=len(ends), groups=1, distance="interval")
+    begin, end = (jnp.asarray(z, jnp.float32) for z in zip(*ends, strict=True))
+    assert float(distance(begin, end, form)) == len(covered)
+    assert float(distances(begin[None], end[None], form)[0, 0]) == len(covered)
+
+
+@pytest.mark.parametrize("bootstrap", [False, True])
+def test_the_loss_vanishes_where_places_are_right(bootstrap):
     """States on a line, the embedding their coordinate: distances, successors and choices are exact."""
-    form = dataclasses.replace(SMALL, dimension=1, groups=1, states=3, goals=3, sharpness=50.0)
+    form = dataclasses.replace(SMALL, dimension=1, groups=1, states=3, goals=3, sharpness=50.0, bootstrap=bootstrap)
     place = jnp.asarray([[0.0], [1.0], [2.0]])
     successor = corridor()
     reach = costs_to_go(successor, jnp.arange(3), jnp.ones((3, 3)))
@@ -161,12 +176,19 @@ def room_task():
     return scene, split
 
 
-def trained(record):
+def trained(record, form=SMALL):
     scene, split = room_task()
     world, targets = build_world([scene], [0]), build_targets([scene], split.training)
     goals = manual_goals([scene], split, "strict", ManualSettings())
     reward = manual_reward(ManualSettings())
-    return train_metric(jax.random.key(0), world, targets, reward, goals, SMALL, 50, 50_000, record)
+    return train_metric(jax.random.key(0), world, targets, reward, goals, form, 50, 50_000, record)
+
+
+def on_new_targets(parameters, form=SMALL):
+    scene, split = room_task()
+    world, new = build_world([scene], [0]), build_targets([scene], split.new)
+    policy = metric_policy(metric_network(form), parameters, world, new, form)
+    return metrics(evaluate(jax.random.key(1), policy, world, new, 50, 400), 0)
 
 
 @pytest.fixture(scope="module")
@@ -185,15 +207,17 @@ def test_a_training_that_was_cut_off_ends_the_same(uninterrupted, tmp_path):
 
 def test_finds_targets_that_were_never_goals(uninterrupted):
     """Strict: the new targets are met as states alone, and found nearly always, by nearly shortest ways."""
-    scene, split = room_task()
-    world = build_world([scene], [0])
     parameters, curve = uninterrupted
     assert curve.actions_tried[-1] == 1.0
-    new = build_targets([scene], split.new)
-    policy = metric_policy(metric_network(SMALL), parameters, world, new, SMALL)
-    measured = metrics(evaluate(jax.random.key(1), policy, world, new, 50, 400), 0)
+    measured = on_new_targets(parameters)
     assert measured.success_rate > 0.9
     assert measured.spl > 0.7
+
+
+@pytest.mark.parametrize("change", [{"distance": "interval"}, {"bootstrap": True}], ids=["intervals", "bootstrap"])
+def test_other_ways_to_learn_distances_find_them_too(change):
+    form = dataclasses.replace(SMALL, **change)
+    assert on_new_targets(trained(TrainingRecord(), form)[0], form).success_rate > 0.8
 
 
 def test_strict_goals_leave_out_every_evaluation_target():

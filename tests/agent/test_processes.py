@@ -24,7 +24,7 @@ PROGRAM = textwrap.dedent("""
     assert (jax.process_count(), len(jax.local_devices()), jax.device_count()) == (count, 1, count)
     world, targets = room()
     settings = SiameseSettings(workers=32, t_max=4, width=8)
-    parameters, curve = train(jax.random.key(5), world, targets, STEP_COST, 10.0, 2, settings, 20, 4096)
+    parameters, curve = train(jax.random.key(5), world, targets, STEP_COST, 10.0, 2, settings, 20, 1024)
     assert len(jax.tree.leaves(parameters)[0].sharding.device_set) == count
     save_parameters(Path(out) / f"{count}-{number}.safetensors", parameters)
 """)

@@ -9,9 +9,13 @@
 
 The critic is a function of the distance alone, and the policy walks downhill in it. Since one map places states and
 targets, a view met only as a state is placed as a target, too. Where the way back may be longer than the way there,
-mean_k max_i (ψ_ki(x) − ψ_ki(g))₊ is added, which obeys the triangle inequality but is not symmetric.
+mean_k max_i (ψ_ki(x) − ψ_ki(g))₊ is added, which obeys the triangle inequality but is not symmetric. With `interval`
+distances, a part is the length of a union of intervals instead:
 
-Sources: Pitis et al., "An inductive bias for distances" (2020); Wang et al., "Optimal goal-reaching reinforcement
+    D(x, g) = mean_k | ∪_i [ψ_ki(x), max(ψ_ki(x), ψ_ki(g))] |
+
+Sources: Pitis et al., "An inductive bias for distances" (2020); Wang and Isola, "Improved representation of
+asymmetrical distances with interval quasimetric embeddings" (2022); Wang et al., "Optimal goal-reaching reinforcement
 learning via quasimetric learning" (2023); Barreto et al., "Successor features" (2017).
 """
 
@@ -114,6 +118,11 @@ def distance(
     Returns:
         The distances.
     """
+    if settings.distance == "interval":
+        x, y = (z.reshape(*z.shape[:-1], settings.groups, -1) for z in jnp.broadcast_arrays(x, y))
+        order = jnp.argsort(jax.lax.stop_gradient(x), -1)
+        begin, reached = (jnp.take_along_axis(z, order, -1) for z in (x, y))
+        return union_length(begin, reached).mean(-1)
     difference = (x - y).reshape(*jnp.broadcast_shapes(x.shape, y.shape)[:-1], settings.groups, -1)
     result = jnp.sqrt(jnp.maximum((difference**2).sum(-1), LEAST_SQUARE)).mean(-1)
     return result if settings.symmetric else result + nn.relu(difference).max(-1).mean(-1)
@@ -122,7 +131,11 @@ def distance(
 def distances(
     x: Float32[Array, "*batch from dimension"], y: Float32[Array, "*batch to dimension"], settings: MetricSettings
 ) -> Float32[Array, "*batch from to"]:
-    """D between all pairs of places; the symmetric part through matrix products, ‖x‖² + ‖y‖² − 2x·y.
+    """D between all pairs of places.
+
+    Euclidean distances take matrix products, ‖x‖² + ‖y‖² − 2x·y. Intervals are ordered by where they begin, once for
+    each place to leave; places to reach are put in each of these orders by a product with permutations, whose gradient
+    is a product, too, and no scattering.
 
     Args:
         x: places to leave.
@@ -132,8 +145,35 @@ def distances(
     Returns:
         The distances.
     """
+    if settings.distance == "interval":
+        x, y = (z.reshape(*z.shape[:-1], settings.groups, -1) for z in (x, y))
+        order = jnp.argsort(jax.lax.stop_gradient(x), -1)
+        begin = jnp.take_along_axis(x, order, -1)[..., :, None, :, :]
+        reached = jnp.einsum("...fkij,...tkj->...ftki", jax.nn.one_hot(order, x.shape[-1], dtype=x.dtype), y)
+        return union_length(begin, reached).mean(-1)
     if not settings.symmetric:
         return distance(x[..., :, None, :], y[..., None, :, :], settings)
     x, y = (jnp.moveaxis(z.reshape(*z.shape[:-1], settings.groups, -1), -2, -3) for z in (x, y))
     square = (x**2).sum(-1)[..., :, None] + (y**2).sum(-1)[..., None, :] - 2 * x @ jnp.swapaxes(y, -1, -2)
     return jnp.sqrt(jnp.maximum(square, LEAST_SQUARE)).mean(-3)
+
+
+def union_length(
+    begin: Float32[Array, "*batch interval"], reached: Float32[Array, "*batch interval"]
+) -> Float32[Array, "*batch"]:
+    """Length of the union of the intervals [b_i, max(b_i, r_i)].
+
+    Args:
+        begin: where the intervals begin, ascending along the last axis.
+        reached: where they end, unless that is before they begin.
+
+    Returns:
+        The length.
+    """
+    covered = begin[..., 0]
+    total = jnp.zeros(jnp.broadcast_shapes(begin.shape, reached.shape)[:-1], begin.dtype)
+    for number in range(begin.shape[-1]):
+        left = jnp.maximum(begin[..., number], covered)
+        total += nn.relu(reached[..., number] - left)
+        covered = jnp.maximum(left, reached[..., number])
+    return total

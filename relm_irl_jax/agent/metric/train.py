@@ -20,15 +20,9 @@ from relm_irl_jax.agent.learning import (
 )
 from relm_irl_jax.agent.metric.costs import Goals, costs_to_go, steps_of_best_ways
 from relm_irl_jax.agent.metric.experience import UNTRIED, ExperienceGraph, coverage, no_experience
+from relm_irl_jax.agent.metric.loss import Hindsight, Losses, MetricSetting
 from relm_irl_jax.agent.metric.network import MetricNetwork, metric_network
-from relm_irl_jax.agent.metric.update import (
-    Hindsight,
-    Losses,
-    MetricLearner,
-    MetricSetting,
-    metric_optimiser,
-    update,
-)
+from relm_irl_jax.agent.metric.update import MetricLearner, metric_optimiser, update
 from relm_irl_jax.agent.rollout import EpisodeSums
 from relm_irl_jax.agent.settings import MetricSettings
 from relm_irl_jax.env import Lane, scene_lanes
@@ -125,9 +119,9 @@ def look_back(
     goals: Goals,
     state: Int32[Array, "scenes locals"],
     n_locals: Int32[Array, "scenes"],
-    counts: str,
+    counts: str | None,
 ) -> Hindsight:
-    """Costs to go on the graph as it is now.
+    """Transitions, and costs to go on the graph as it is now.
 
     Args:
         graph: transitions met.
@@ -135,7 +129,7 @@ def look_back(
         goals: the goals and what the way to each costs.
         state: world state of each scene's local states, padded.
         n_locals: number of states of each scene.
-        counts: whether distances count `steps` or `costs`. Static.
+        counts: whether distances count `steps` or `costs`; None where no costs to go are wanted. Static.
 
     Returns:
         The costs to go.
@@ -143,6 +137,9 @@ def look_back(
     own = jnp.arange(state.shape[1]) < n_locals[:, None]
     successor = graph.successor[state]
     following = jnp.where((successor != UNTRIED) & own[..., None], world.local[successor], UNTRIED)
+    if counts is None:
+        nowhere = jnp.full((*state.shape, goals.state.shape[1]), jnp.inf, jnp.float32)
+        return Hindsight(following, nowhere, nowhere)
     reach = jax.lax.map(lambda row: costs_to_go(*row), (following, goals.state, goals.cost))
     if counts == "costs":
         return Hindsight(following, reach, reach)
@@ -242,9 +239,10 @@ def train_metric(
         )
         met, tried = coverage(learner.graph, reachable)
         if tried > tried_before:
-            if settings.symmetric and bool(one_way(learner.graph).any()):
+            if settings.distance == "euclidean" and settings.symmetric and bool(one_way(learner.graph).any()):
                 raise InputError("metric.symmetric: some step cannot be taken back in these scenes; set it to false.")
-            hindsight = look_back(learner.graph, world, goals, setting.state, setting.n_locals, settings.counts)
+            counts = None if settings.bootstrap else settings.counts
+            hindsight = look_back(learner.graph, world, goals, setting.state, setting.n_locals, counts)
         row = learning_row(sums, number, chunks) | {
             "states_met": float(met),
             "actions_tried": float(tried),
