@@ -3,8 +3,10 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+from interruption import assert_same, cut_off, take_up
 from test_update import room
 
+from relm_irl_jax.agent.learning import TrainingRecord
 from relm_irl_jax.agent.settings import SiameseSettings
 from relm_irl_jax.agent.siamese.seeds import stacked, train_seeds
 from relm_irl_jax.agent.siamese.train import train
@@ -35,6 +37,21 @@ def test_a_seed_at_once_equals_the_same_seed_alone():
             np.testing.assert_allclose(a, b, atol=1e-5)
         np.testing.assert_array_equal(curve.episodes, own.episodes)
         np.testing.assert_allclose(curve.reward, own.reward, rtol=1e-5)
+
+
+def test_seeds_at_once_that_were_cut_off_end_the_same(tmp_path):
+    settings = SiameseSettings(workers=8, t_max=4, width=8)
+    world, targets = room()
+    keys, rewards = [jax.random.key(5), jax.random.key(6)], [learned_reward(0, 7), learned_reward(1, 4)]
+
+    def trained(record):
+        return train_seeds(keys, world, [targets] * 2, rewards, 6.0, 2, settings, 20, 1024, record)
+
+    cut_off(tmp_path, trained)
+    taken_up, moved = take_up(tmp_path, trained)
+    assert moved[0] == 2 * moved[1]
+    for one, other in zip(trained(TrainingRecord()), taken_up, strict=True):
+        assert_same(one, other)
 
 
 def test_shorter_arrays_are_padded_at_the_end():

@@ -19,6 +19,20 @@ from relm_irl_jax.agent.siamese.update import Learner, Setting
 Tree = TypeVar("Tree")
 
 
+def usable(workers: int, devices: Sequence[jax.Device] | None = None) -> list[jax.Device]:
+    """As many devices as divide the workers evenly.
+
+    Args:
+        workers: workers of a head.
+        devices: devices to choose from; those of all processes where None.
+
+    Returns:
+        The first of them.
+    """
+    chosen = list(jax.devices() if devices is None else devices)
+    return chosen[: max(n for n in range(1, len(chosen) + 1) if workers % n == 0)]
+
+
 def over_devices(
     learner: Learner, setting: Setting, devices: Sequence[jax.Device] | None = None
 ) -> tuple[Learner, Setting]:
@@ -27,16 +41,13 @@ def over_devices(
     Args:
         learner: the state of training, the same in every process.
         setting: what training looks up, the same in every process.
-        devices: devices to use; those of all processes where None. As many of them as divide the workers of a head are
-            used.
+        devices: devices to use, as far as they are `usable`; those of all processes where None.
 
     Returns:
         Both, placed; compiled functions of them run on all the devices.
     """
-    chosen = list(jax.devices() if devices is None else devices)
-    batch = setting.lane.first.shape[1]
-    count = max(n for n in range(1, len(chosen) + 1) if batch % n == 0)
-    mesh = jax.make_mesh((count,), ("workers",), (AxisType.Auto,), devices=chosen[:count])
+    chosen = usable(setting.lane.first.shape[1], devices)
+    mesh = jax.make_mesh((len(chosen),), ("workers",), (AxisType.Auto,), devices=chosen)
     shared, everywhere = (NamedSharding(mesh, PartitionSpec(*axes)) for axes in ((None, "workers"), ()))
     episode, lane = _placed(learner.episode, shared), _placed(setting.lane, shared)
     return (

@@ -20,7 +20,7 @@ from relm_irl_jax.agent.learning import (
 )
 from relm_irl_jax.agent.rollout import EpisodeSums
 from relm_irl_jax.agent.settings import SiameseSettings
-from relm_irl_jax.agent.siamese.devices import over_devices
+from relm_irl_jax.agent.siamese.devices import over_devices, usable
 from relm_irl_jax.agent.siamese.network import SiameseActorCritic
 from relm_irl_jax.agent.siamese.pairs import Pairs, pairs_of
 from relm_irl_jax.agent.siamese.update import Learner, Setting, optimiser_of, update
@@ -222,8 +222,8 @@ def train(
     check_cap(cap, settings)
     network = network_of(settings, n_heads)
     lane = worker_lanes(targets, world, n_heads, settings.workers)
-    frames_of_device = lane.first.size * settings.t_max // (jax.device_count() if devices is None else len(devices))
-    pairs = cheaper_pairs(world, targets, network, frames_of_device)
+    share = lane.first.size // len(usable(lane.first.shape[1], devices))
+    pairs = cheaper_pairs(world, targets, network, share * settings.t_max)
     setting = Setting(world, targets, lane, reward_model, jnp.float32(return_scale), pairs)
     learner, setting = over_devices(begin(key, world, targets, lane, network, settings), setting, devices)
     chunks = cut(frames, lane.first.size * settings.t_max)
