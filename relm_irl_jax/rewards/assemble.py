@@ -144,8 +144,10 @@ def _linear(
     *,
     follow: bool = False,
 ) -> LinearReward:
+    # Padded to the most rows that a method may need: one compiled training serves all methods and seeds.
+    padding = max(row.size - len(weights), 0)
     return LinearReward(
-        weights=jnp.asarray(weights, jnp.float32),
+        weights=jnp.asarray(np.pad(weights, ((0, padding), (0, 0))), jnp.float32),
         row=jnp.asarray(row),
         features=jnp.asarray(np.concatenate([basis(scene.encoded) for scene in scenes]), jnp.float32),
         r_max=jnp.float32(settings.program.r_max),

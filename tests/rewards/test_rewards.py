@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -176,6 +177,8 @@ def test_predictions_follow_the_pairs_they_were_fitted_on(rooms, split, learned)
     pair = np.concatenate([rooms[target.scene].encoded[start], rooms[target.scene].encoded[target.state]])
     expected = regularised.predict(pair[None])[0]
     np.testing.assert_allclose(np.asarray(model.weights)[int(model.row[row, start])], expected, rtol=1e-4, atol=1e-6)
+    shown = demonstrated_reward(rooms, split.training, records, basis, IRL)
+    assert jax.tree.map(jnp.shape, shown) == jax.tree.map(jnp.shape, model)  # one compiled training serves both
 
 
 @pytest.mark.parametrize("follow", [False, True])
