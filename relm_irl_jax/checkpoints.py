@@ -94,9 +94,9 @@ class Checkpoints:
             before = config_from_record(found.config, str(self.path))
         except Exception as error:  # whatever it is that reading damaged files meets
             reason = shorten(str(error) or type(error).__name__, 60, placeholder=" …")
+            # What was left half read complains later still, whenever it is collected: the filter stays.
             raise InputError(f"{self.path}: the checkpoint cannot be read ({reason}).") from error
-        finally:
-            sys.unraisablehook = hook
+        sys.unraisablehook = hook
         if trained_part(before) != trained_part(self.config):
             raise InputError(f"{self.path}: the checkpoint is of another configuration.")
         return _with_keys(like, found.state), found.rows
