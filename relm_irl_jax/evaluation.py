@@ -176,9 +176,7 @@ class MetricPolicy:
     ) -> Int32[Array, "scenes batch"]:
         """Return one action a worker."""
         steps = distance(self.places.after[views[..., 0]], self.wanted[target][..., None, :], self.settings)
-        if self.greedy:
-            return jnp.argmin(steps, -1).astype(jnp.int32)
-        return sample_action(key, -self.settings.acting_sharpness * steps)
+        return _chosen(key, -self.settings.acting_sharpness * steps, self.greedy)
 
 
 def metric_policy(

@@ -5,6 +5,7 @@ have standard deviation `gain` whatever the number d of inputs. An RBF neuron is
 centre w; its width grows with √d for the same reason.
 """
 
+import operator
 from dataclasses import dataclass
 from functools import partial
 from typing import Literal
@@ -28,19 +29,21 @@ class Projection:
 
     Attributes:
         product: w·x of every neuron.
-        square: ‖x‖².
+        square: ‖x‖², which RBF neurons take.
+        centre: ‖w‖² of every neuron, likewise.
     """
 
     product: Float[Array, "samples neurons"]
     square: Float[Array, "samples"]
+    centre: Float[Array, "neurons"]
 
     def __add__(self, other: "Projection") -> "Projection":
         """The projection of both parts side by side."""
-        return Projection(self.product + other.product, self.square + other.square)
+        return jax.tree.map(operator.add, self, other)
 
     def __getitem__(self, samples: Int[np.ndarray, "chosen"]) -> "Projection":
         """The projection of some of the samples."""
-        return Projection(self.product[samples], self.square[samples])
+        return Projection(self.product[samples], self.square[samples], self.centre)
 
 
 @dataclass(frozen=True)
@@ -90,9 +93,8 @@ class HiddenLayer:
         Returns:
             H.
         """
-        centres = np.square(self.weights).sum(axis=0) if self.activation == "rbf" else np.zeros(1)
         with float64():
-            H = _activate(projection, centres, self.bias, self.linear, activation=self.activation)
+            H = _activate(projection, self.bias, self.linear, activation=self.activation)
         return np.asarray(H)
 
     def take(self, neurons: Int[np.ndarray, "kept"]) -> "HiddenLayer":
@@ -109,18 +111,18 @@ def neuron_outputs(
     activation: Activation,
 ) -> Float[Array, "samples neurons"]:
     """Outputs of a layer on standardised inputs; pure, for `jax.jit` and `jax.vmap`."""
-    return _activate(_project(X, 0.0, 1.0, weights), jnp.sum(weights**2, axis=0), bias, linear, activation=activation)
+    return _activate(_project(X, 0.0, 1.0, weights), bias, linear, activation=activation)
 
 
 @jax.jit
 def _project(X, mean, scale, weights):
     Z = (X - mean) / scale
-    return Projection(Z @ weights, jnp.sum(Z**2, axis=1))
+    return Projection(Z @ weights, jnp.sum(Z**2, axis=1), jnp.sum(weights**2, axis=0))
 
 
 @partial(jax.jit, static_argnames="activation")
-def _activate(projection, centres, bias, linear, activation: Activation):
-    """Outputs of neurons from their projection and, for RBF neurons, the squared norm of their centres."""
+def _activate(projection, bias, linear, activation: Activation):
+    """Outputs of neurons from their projection."""
     product = projection.product
     match activation:
         case "tanh":
@@ -130,7 +132,7 @@ def _activate(projection, centres, bias, linear, activation: Activation):
         case "relu":
             H = jax.nn.relu(product + bias)
         case "rbf":
-            square = projection.square[:, None] - 2 * product + centres
+            square = projection.square[:, None] - 2 * product + projection.centre
             H = jnp.exp(-bias * jnp.maximum(square, 0))
         case "linear":
             H = product + bias

@@ -43,6 +43,20 @@ class Hindsight:
     length: Float32[Array, "scenes locals goals"]
 
 
+def no_costs(following: Int32[Array, "scenes locals 4"], goals: Goals) -> Hindsight:
+    """Transitions alone, with no way to any goal.
+
+    Args:
+        following: local state behind each action, or `UNTRIED`.
+        goals: the goals.
+
+    Returns:
+        The transitions, every cost infinite.
+    """
+    nowhere = jnp.full((*following.shape[:2], goals.state.shape[1]), jnp.inf, jnp.float32)
+    return Hindsight(following, nowhere, nowhere)
+
+
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class MetricSetting:
@@ -110,8 +124,11 @@ def hindsight_loss(
     goal = setting.state[of_scene, jnp.take_along_axis(setting.goals.state, column, 1)]
     at = jax.tree.map(lambda table: table[setting.state[of_scene, local]], places)
     there = places.here[goal]
-    lessons = bootstrapped if settings.bootstrap else remembered
-    wanted, wanted_behind, behind = lessons(local, column, places.here, setting, settings)
+    wanted, wanted_behind, behind = (
+        bootstrapped(local, column, places.here, setting, settings)
+        if settings.bootstrap
+        else remembered(local, column, setting.hindsight)
+    )
     found = distances(at.here, there, settings)
     after = at.after.reshape(scenes, -1, at.after.shape[-1])
     found_behind = distances(after, there, settings).reshape(behind.shape)
@@ -150,23 +167,19 @@ infinite where nothing is known."""
 def remembered(
     local: Int32[Array, "scenes states"],
     column: Int32[Array, "scenes goals"],
-    here: Float32[Array, "all dimension"],
-    setting: MetricSetting,
-    settings: MetricSettings,
+    hindsight: Hindsight,
 ) -> Lessons:
     """What the experience graph says about drawn states and goals.
 
     Args:
         local: drawn states of each scene.
         column: drawn goals of each scene.
-        here: ψ of all states; not used.
-        setting: goals and costs to go.
-        settings: the agent's settings; not used.
+        hindsight: transitions and costs to go.
 
     Returns:
         N(s, g), N(s'_a, g) and C(s'_a, g).
     """
-    of_scene, hindsight = jnp.arange(len(local))[:, None], setting.hindsight
+    of_scene = jnp.arange(len(local))[:, None]
     following = hindsight.following[of_scene, local]
     untried = following[..., None] == UNTRIED
     beyond = (of_scene[..., None, None], following[..., None], column[:, None, None, :])

@@ -20,7 +20,7 @@ from relm_irl_jax.agent.learning import (
 )
 from relm_irl_jax.agent.metric.costs import Goals, costs_to_go, steps_of_best_ways
 from relm_irl_jax.agent.metric.experience import UNTRIED, ExperienceGraph, coverage, no_experience
-from relm_irl_jax.agent.metric.loss import Hindsight, Losses, MetricSetting
+from relm_irl_jax.agent.metric.loss import Hindsight, Losses, MetricSetting, no_costs
 from relm_irl_jax.agent.metric.network import MetricNetwork, metric_network
 from relm_irl_jax.agent.metric.update import MetricLearner, metric_optimiser, update
 from relm_irl_jax.agent.rollout import EpisodeSums
@@ -138,8 +138,7 @@ def look_back(
     successor = graph.successor[state]
     following = jnp.where((successor != UNTRIED) & own[..., None], world.local[successor], UNTRIED)
     if counts is None:
-        nowhere = jnp.full((*state.shape, goals.state.shape[1]), jnp.inf, jnp.float32)
-        return Hindsight(following, nowhere, nowhere)
+        return no_costs(following, goals)
     reach = jax.lax.map(lambda row: costs_to_go(*row), (following, goals.state, goals.cost))
     if counts == "costs":
         return Hindsight(following, reach, reach)
@@ -220,8 +219,7 @@ def train_metric(
     local = np.arange(n_locals.max())
     first = np.cumsum(n_locals) - n_locals
     state = jnp.asarray(first[:, None] + np.where(local < n_locals[:, None], local, 0), jnp.int32)
-    nowhere = jnp.full((*state.shape, goals.state.shape[1]), jnp.inf, jnp.float32)
-    nothing = Hindsight(jnp.full((*state.shape, 4), UNTRIED, jnp.int32), nowhere, nowhere)
+    nothing = no_costs(jnp.full((*state.shape, 4), UNTRIED, jnp.int32), goals)
     setting = MetricSetting(world, targets, lane, reward_model, goals, state, jnp.asarray(n_locals, jnp.int32), nothing)
     learner = begin(key, world, targets, lane, network, settings, updates)
     reachable = jnp.asarray(reachable_states(world, targets))
