@@ -49,7 +49,7 @@ lint: $(STAMP)  ## Style and types.
 bench: $(STAMP)  ## Benchmarks: BENCH=agent|scaling|elm|irl|encoder.
 	@$(BIN)/relm-irl bench $(BENCH) $(ARGS)
 
-paper: $(STAMP)  ## Every table and figure: PIECE=siamese|metric|vizdoom|elm|stability|ablation|report VARIANT= QUICK=1.
+paper: $(STAMP)  ## Every table and figure: PIECE=siamese|metric|metric-open|...|ablation|report VARIANT= QUICK=1.
 	@$(KEPT) $(BIN)/python experiments/paper.py $(if $(PIECE),--pieces $(PIECE)) $(if $(VARIANT),--variants $(VARIANT)) $(if $(QUICK),--quick) $(ARGS)
 
 notebooks: $(STAMP)  ## Run the notebooks of experiments/notebooks.

@@ -1,7 +1,8 @@
 """Every table and figure of the paper, from scratch; what is finished is kept, so that the same command goes on.
 
     make paper                                all pieces, then runs/paper/report.html
-    make paper PIECE=metric                   one of siamese, metric, vizdoom, elm, stability, ablation, report
+    make paper PIECE=metric                   one of siamese, metric, metric-open, metric-no-hindsight, vizdoom, elm,
+                                              stability, ablation, report
     make paper PIECE=ablation VARIANT=lp      one variant, and the base that it is compared with
     make paper QUICK=1                        the same code on tiny rooms, in runs/paper-quick
 
@@ -13,7 +14,7 @@ experiments/paper.
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Literal, get_args
 
 import elm_ablation
 import irl_stability
@@ -30,8 +31,10 @@ from relm_irl_jax.studies.study import complete, preset
 PRESETS = Path(__file__).parent / "paper"
 QUICK = PRESETS / "quick.toml"
 
-Piece = Literal["siamese", "metric", "vizdoom", "elm", "stability", "ablation", "report"]
-PIECES: tuple[Piece, ...] = ("siamese", "metric", "elm", "stability", "ablation", "report")
+Piece = Literal[
+    "siamese", "metric", "metric-open", "metric-no-hindsight", "vizdoom", "elm", "stability", "ablation", "report"
+]
+PIECES: tuple[Piece, ...] = tuple(piece for piece in get_args(Piece) if piece != "vizdoom")
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ A stage whose result lies in the run folder is not run again.
 
 import json
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,15 +16,19 @@ from relm_irl_jax.errors import InputError
 from relm_irl_jax.report.page import machine, write_report
 from relm_irl_jax.runs import RunFolder, open_run, write_json
 from relm_irl_jax.scenes.catalog import check_source
+from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.stages.encoding import EncodedScenes, encode_training
 from relm_irl_jax.stages.evaluating import evaluate_task
-from relm_irl_jax.stages.learning import learn
+from relm_irl_jax.stages.learning import LearnedRewards, keep_rewards, learn
 from relm_irl_jax.stages.playing import map_episodes
 from relm_irl_jax.stages.training import train_method, train_together, trains_together
-from relm_irl_jax.tasks import draw_split
+from relm_irl_jax.tasks import TaskSplit, draw_split
 
 LEARNED: tuple[Method, ...] = ("irl", "elm-irl", "relm-irl")
 """Methods whose reward is learned from demonstrations."""
+
+Learner = Callable[[Config, Sequence[Scene], TaskSplit, int], LearnedRewards]
+"""Learns the rewards of a configuration from encoded training scenes, the targets of all tasks, and a seed."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +52,12 @@ class Stopwatch:
 
 
 def run(
-    config: Config, tasks: Sequence[Task] = (), encoded: EncodedScenes | None = None, *, maps: bool = True
+    config: Config,
+    tasks: Sequence[Task] = (),
+    encoded: EncodedScenes | None = None,
+    learner: Learner = learn,
+    *,
+    maps: bool = True,
 ) -> RunFolder:
     """Train what is not yet trained, evaluate the agents and write the report.
 
@@ -56,6 +65,7 @@ def run(
         config: the configuration.
         tasks: tasks to evaluate; the configuration's where empty.
         encoded: the training scenes, where they are encoded already.
+        learner: learns rewards; runs that share them can be given one that remembers.
         maps: whether to draw episodes and rewards from above.
 
     Returns:
@@ -84,7 +94,8 @@ def run(
         learned = None
         if set(missing) & set(LEARNED):
             with stopwatch("inverse reinforcement learning and ELM"):
-                learned = learn(config, encoded.scenes, split, seed, folder, maps=maps)
+                learned = learner(config, encoded.scenes, split, seed)
+                keep_rewards(encoded.scenes, split, learned, seed, folder, maps=maps)
         for method in missing:
             if config.seeds > 1 and trains_together(config, method):
                 together.setdefault(method, []).append((seed, split, learned))

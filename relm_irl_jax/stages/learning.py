@@ -38,30 +38,75 @@ class LearnedRewards:
     machines: dict[Method, ELMRegressor]
 
 
-def learn(
-    config: Config, scenes: Sequence[Scene], split: TaskSplit, seed: int, folder: RunFolder, *, maps: bool = True
-) -> LearnedRewards:
-    """Learn rewards from demonstrations and fit the machines that predict them; keep both in the run folder.
+def learn_demonstrated(
+    config: Config, scenes: Sequence[Scene], split: TaskSplit, seed: int
+) -> tuple[RewardBasis, list[DemonstratedReward]]:
+    """Learn rewards from demonstrations.
+
+    Args:
+        config: the configuration; `irl` says how.
+        scenes: encoded training scenes.
+        split: the targets of all tasks.
+        seed: the run's seed.
+
+    Returns:
+        φ, and the demonstrated rewards.
+    """
+    basis = fit_basis(scenes, config.irl.dimension)
+    return basis, learn_rewards(scenes, split, basis, config.irl, seed)
+
+
+def fit_machines(
+    config: Config, scenes: Sequence[Scene], records: Sequence[DemonstratedReward], seed: int
+) -> dict[Method, ELMRegressor]:
+    """Fit the machines that predict rewards for pairs of views that nobody demonstrated.
+
+    Args:
+        config: the configuration; `elm` says how.
+        scenes: encoded training scenes.
+        records: the demonstrated rewards.
+        seed: the run's seed.
+
+    Returns:
+        The machine of each method that predicts rewards.
+    """
+    data = pair_data(scenes, records, config.elm.pairs, np.random.default_rng([seed, 2]))
+    return {
+        "elm-irl": fit_machine(data, config.elm, seed, regularised=False),
+        "relm-irl": fit_machine(data, config.elm, seed, regularised=True),
+    }
+
+
+def learn(config: Config, scenes: Sequence[Scene], split: TaskSplit, seed: int) -> LearnedRewards:
+    """Learn rewards from demonstrations and fit the machines that predict them.
 
     Args:
         config: the configuration.
         scenes: encoded training scenes.
         split: the targets of all tasks.
         seed: the run's seed.
-        folder: the run folder.
-        maps: whether to draw rewards over rooms, for the first seed.
 
     Returns:
         The learned rewards.
     """
-    basis = fit_basis(scenes, config.irl.dimension)
-    records = learn_rewards(scenes, split, basis, config.irl, seed)
-    data = pair_data(scenes, records, config.elm.pairs, np.random.default_rng([seed, 2]))
-    machines: dict[Method, ELMRegressor] = {
-        "elm-irl": fit_machine(data, config.elm, seed, regularised=False),
-        "relm-irl": fit_machine(data, config.elm, seed, regularised=True),
-    }
-    learned = LearnedRewards(basis, records, machines)
+    basis, records = learn_demonstrated(config, scenes, split, seed)
+    return LearnedRewards(basis, records, fit_machines(config, scenes, records, seed))
+
+
+def keep_rewards(
+    scenes: Sequence[Scene], split: TaskSplit, learned: LearnedRewards, seed: int, folder: RunFolder, *, maps: bool
+) -> None:
+    """Keep learned rewards in the run folder, and how good they are.
+
+    Args:
+        scenes: encoded training scenes.
+        split: the targets of all tasks.
+        learned: the learned rewards.
+        seed: the run's seed.
+        folder: the run folder.
+        maps: whether to draw rewards over rooms, for the first seed.
+    """
+    basis, records = learned.basis, learned.records
     save_arrays(
         folder.rewards(seed, "demonstrated.safetensors"),
         {
@@ -73,9 +118,9 @@ def learn(
             "trained": np.asarray([record.trained for record in records]),
         },
     )
-    for method, machine_ in machines.items():
+    for method, machine_ in learned.machines.items():
         save_elm(machine_, folder.rewards(seed, f"{method}.safetensors"))
-    regularised = machines["relm-irl"]
+    regularised = learned.machines["relm-irl"]
     if regularised.press_curve_ is not None:
         neurons = np.arange(1, len(regularised.press_curve_) + 1)
         curve = {"neurons": neurons, "mean_squared_error": regularised.press_curve_}
@@ -83,11 +128,10 @@ def learn(
     _judge_rewards(scenes, split, learned, seed, folder)
     if maps and seed == 0:
         _map_rewards(scenes, split, learned, folder)
-    return learned
 
 
 def load_basis(path: Path) -> RewardBasis:
-    """Read φ as `learn` kept it.
+    """Read φ as `keep_rewards` left it.
 
     Args:
         path: the file of demonstrated rewards.

@@ -18,6 +18,8 @@ CLAIM = (
 RUN_TITLES = {
     "siamese": "The paper's agent: the siamese actor-critic",
     "metric": "The metric agent: distances between views, not the paper's",
+    "metric-open": "The metric agent, open: targets kept for evaluation may be its goals, too",
+    "metric-no-hindsight": "The metric agent without hindsight: only predicted rewards imagine targets",
     "vizdoom": "The metric agent in scenes recorded from ViZDoom",
 }
 """Runs of a study on all tasks, by the names of their folders."""
@@ -46,6 +48,7 @@ def write_study(out: Path, lines: Sequence[Measured]) -> Path:
     for name, folder, config in runs:
         text += [f"## {RUN_TITLES[name]}", "", *run_sections(folder, config, out, "###", worded=False)]
     text += [*_machine_figures(out), *_ablations(out, lines), *_stability(out)]
+    text += ["Rewards that runs share are learned once; their seconds are counted in the run that learned them.", ""]
     for name, folder, config in runs:
         text += [f"## Circumstances: {RUN_TITLES[name]}", "", *circumstances(folder, config, "###")]
     return write_page(text, out)
