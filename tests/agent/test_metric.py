@@ -23,7 +23,7 @@ from relm_irl_jax.agent.metric.experience import (
     steps_to_frontier,
 )
 from relm_irl_jax.agent.metric.loss import Hindsight, MetricSetting, hindsight_loss
-from relm_irl_jax.agent.metric.network import Places, distance, distances, metric_network
+from relm_irl_jax.agent.metric.network import Places, distance, distances, metric_network, union_length
 from relm_irl_jax.agent.metric.train import one_way, train_metric
 from relm_irl_jax.agent.settings import MetricSettings
 from relm_irl_jax.config import Config
@@ -137,6 +137,13 @@ def test_interval_distance_is_the_length_of_a_union(ends):
     begin, end = (jnp.asarray(z, jnp.float32) for z in zip(*ends, strict=True))
     assert float(distance(begin, end, form)) == len(covered)
     assert float(distances(begin[None], end[None], form)[0, 0]) == len(covered)
+
+
+def test_a_union_grows_with_the_ends_that_nothing_covers():
+    begin, end = jnp.asarray([0.0, 2.0, 7.0, 9.0]), jnp.asarray([3.0, 5.0, 8.0, 1.0])  # the last one is empty
+    by_begin, by_end = jax.grad(union_length, argnums=(0, 1))(begin, end)
+    np.testing.assert_array_equal(by_begin, [-1, 0, -1, 0])
+    np.testing.assert_array_equal(by_end, [0, 1, 1, 0])
 
 
 @pytest.mark.parametrize("bootstrap", [False, True])

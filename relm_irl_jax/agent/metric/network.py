@@ -119,10 +119,7 @@ def distance(
         The distances.
     """
     if settings.distance == "interval":
-        x, y = (z.reshape(*z.shape[:-1], settings.groups, -1) for z in jnp.broadcast_arrays(x, y))
-        order = jnp.argsort(jax.lax.stop_gradient(x), -1)
-        begin, reached = (jnp.take_along_axis(z, order, -1) for z in (x, y))
-        return union_length(begin, reached).mean(-1)
+        return union_length(*(_ends(z, settings.groups) for z in jnp.broadcast_arrays(x, y))).mean(-1)
     difference = (x - y).reshape(*jnp.broadcast_shapes(x.shape, y.shape)[:-1], settings.groups, -1)
     result = jnp.sqrt(jnp.maximum((difference**2).sum(-1), LEAST_SQUARE)).mean(-1)
     return result if settings.symmetric else result + nn.relu(difference).max(-1).mean(-1)
@@ -133,9 +130,7 @@ def distances(
 ) -> Float32[Array, "*batch from to"]:
     """D between all pairs of places.
 
-    Euclidean distances take matrix products, ‖x‖² + ‖y‖² − 2x·y. Intervals are ordered by where they begin, once for
-    each place to leave; places to reach are put in each of these orders by a product with permutations, whose gradient
-    is a product, too, and no scattering.
+    Euclidean distances take matrix products, ‖x‖² + ‖y‖² − 2x·y.
 
     Args:
         x: places to leave.
@@ -146,11 +141,8 @@ def distances(
         The distances.
     """
     if settings.distance == "interval":
-        x, y = (z.reshape(*z.shape[:-1], settings.groups, -1) for z in (x, y))
-        order = jnp.argsort(jax.lax.stop_gradient(x), -1)
-        begin = jnp.take_along_axis(x, order, -1)[..., :, None, :, :]
-        reached = jnp.einsum("...fkij,...tkj->...ftki", jax.nn.one_hot(order, x.shape[-1], dtype=x.dtype), y)
-        return union_length(begin, reached).mean(-1)
+        x, y = (_ends(z, settings.groups) for z in (x, y))
+        return union_length(x[..., :, None, :], y[..., None, :, :]).mean(-1)
     if not settings.symmetric:
         return distance(x[..., :, None, :], y[..., None, :, :], settings)
     x, y = (jnp.moveaxis(z.reshape(*z.shape[:-1], settings.groups, -1), -2, -3) for z in (x, y))
@@ -158,22 +150,37 @@ def distances(
     return jnp.sqrt(jnp.maximum(square, LEAST_SQUARE)).mean(-3)
 
 
+def _ends(places: Float32[Array, "*batch dimension"], groups: int) -> Float32[Array, "interval *batch groups"]:
+    """One end of every interval; groups come last, so that the processor takes many of them at once."""
+    return jnp.moveaxis(places.reshape(*places.shape[:-1], groups, -1), -1, 0)
+
+
 def union_length(
-    begin: Float32[Array, "*batch interval"], reached: Float32[Array, "*batch interval"]
+    begin: Float32[Array, "interval *batch"], reached: Float32[Array, "interval *batch"]
 ) -> Float32[Array, "*batch"]:
     """Length of the union of the intervals [b_i, max(b_i, r_i)].
 
+    It is the sum of the ends that no other interval covers, minus that of such beginnings. All pairs of intervals are
+    compared: they are few, and neither are they sorted, nor does the gradient scatter.
+
     Args:
-        begin: where the intervals begin, ascending along the last axis.
-        reached: where they end, unless that is before they begin.
+        begin: where the intervals begin.
+        reached: where they end, unless that is before they begin; the axes of a batch broadcast.
 
     Returns:
         The length.
     """
-    covered = begin[..., 0]
-    total = jnp.zeros(jnp.broadcast_shapes(begin.shape, reached.shape)[:-1], begin.dtype)
-    for number in range(begin.shape[-1]):
-        left = jnp.maximum(begin[..., number], covered)
-        total += nn.relu(reached[..., number] - left)
-        covered = jnp.maximum(left, reached[..., number])
+    end = jnp.maximum(begin, reached)
+    fixed_begin, fixed_end = jax.lax.stop_gradient((begin, end))
+    total = jnp.zeros(end.shape[1:], end.dtype)
+    for i in range(len(begin)):
+        first = last = jnp.array(True)
+        for j in range(len(begin)):
+            if i == j:
+                continue
+            # Of equal ends, that of the first interval counts.
+            below = jnp.less_equal if j < i else jnp.less
+            last &= ~((fixed_begin[j] <= fixed_end[i]) & below(fixed_end[i], fixed_end[j]))
+            first &= ~((fixed_begin[i] <= fixed_end[j]) & below(fixed_begin[j], fixed_begin[i]))
+        total += jnp.where(last, end[i], 0) - jnp.where(first, begin[i], 0)
     return total
