@@ -17,6 +17,8 @@ Where the formula has no value:
 - A sample whose leverage reaches one determines a coefficient alone. Refitted without it, the column that it alone
   determines is dependent and would be skipped, so the sample keeps the error that it had before that column.
 - A prefix whose rank reaches the number of samples (less the intercept) fits everything: its error is infinite.
+
+Samples that resemble each other can be left out together; see `groups`.
 """
 
 from dataclasses import dataclass
@@ -28,6 +30,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Bool, Float, Float64, Int
 
+from relm_irl_jax.elm.groups import group_errors, members_of
 from relm_irl_jax.elm.linear import centred, finite_pair, float64, orthonormal_prefixes, padded, rank_tolerance
 from relm_irl_jax.errors import InputError
 
@@ -79,6 +82,7 @@ def basis_errors(
     intercept: bool,
     saturates: bool,
     count: Int[Array, ""] | int | None = None,
+    members: Int[Array, "groups most"] | None = None,
 ) -> PressErrors:
     """Leave-one-out errors from a basis that is already there.
 
@@ -88,15 +92,26 @@ def basis_errors(
         intercept: whether the model fits one.
         saturates: whether a prefix of full row rank fits the targets exactly, which is so without ridge.
         count: number of samples where zero rows pad them.
+        members: rows of the samples that are left out together; each by itself where None.
 
     Returns:
         Errors of every prefix, summed over outputs and averaged over samples.
     """
+    count = len(Q) if count is None else count
+    changed = jnp.any(Q != 0, axis=0)
+    if members is None:
+        losses, first, capped = _sample_errors(Q, T, count, changed, intercept=intercept)
+    else:
+        losses, first, capped = group_errors(Q, T, members, count, intercept=intercept)
+    full = saturates & (jnp.cumsum(changed) >= count - intercept)
+    return PressErrors(jnp.where(full, jnp.inf, losses / count), first / count, capped)
+
+
+def _sample_errors(Q, T, count, changed, *, intercept):
+    """As `group_errors`, every sample a group by itself, without the inverses."""
     rows = len(Q)
-    count = rows if count is None else count
     base = (1 / count if intercept else 0.0) * jnp.ones((), Q.dtype)
     C = Q.T @ T
-    changed = jnp.any(Q != 0, axis=0)
 
     def tile(inputs):
         """All prefixes for a few samples, whose residuals stay in the processor's cache."""
@@ -125,9 +140,7 @@ def basis_errors(
             jnp.pad(Q, ((0, extra), (0, 0))).reshape(tiles, TILE, -1),
         ),
     )
-    full = saturates & (jnp.cumsum(changed) >= count - intercept)
-    curve = jnp.where(full, jnp.inf, losses.sum(axis=0) / count)
-    return PressErrors(curve, first.sum() / count, capped.sum(axis=0))
+    return losses.sum(axis=0), first.sum(), capped.sum(axis=0)
 
 
 def press_errors(
@@ -155,20 +168,21 @@ def press_errors(
     return _errors(H, T, ridge, rank_tolerance(*H.shape), len(H), intercept=intercept, penalised=penalised)
 
 
-def _errors(H, T, ridge, tolerance, count, *, intercept, penalised):
+def _errors(H, T, ridge, tolerance, count, members=None, *, intercept, penalised):
     """`press_errors` of data that are centred if there is an intercept; zero rows and columns may pad them."""
     stacked = H
     if penalised:
         stacked = jnp.concatenate([H, jnp.sqrt(ridge) * jnp.eye(H.shape[1], dtype=H.dtype)])
     Q, independent = orthonormal_prefixes(stacked, tolerance)
-    errors = basis_errors(Q[: len(H)], T, intercept=intercept, saturates=not penalised, count=count)
+    top = Q[: len(H)]
+    errors = basis_errors(top, T, intercept=intercept, saturates=not penalised, count=count, members=members)
     return errors, independent
 
 
 _errors_jit = jax.jit(_errors, static_argnames=("intercept", "penalised"))
 
 
-def press_path(H: Any, T: Any, ridge: float = 0.0, *, intercept: bool = False) -> PressPath:
+def press_path(H: Any, T: Any, ridge: float = 0.0, *, intercept: bool = False, groups: Any = None) -> PressPath:
     """Leave-one-out errors of every prefix of the columns of H, with diagnostics.
 
     Args:
@@ -176,16 +190,18 @@ def press_path(H: Any, T: Any, ridge: float = 0.0, *, intercept: bool = False) -
         T: targets, one row per sample.
         ridge: penalty λ ≥ 0 on the squared coefficients, never on the intercept.
         intercept: fit an intercept; the default is the model Hβ as it stands.
+        groups: one label per sample; samples of one label are left out together. None leaves out one at a time.
 
     Returns:
         The curve and what had to be handled.
 
     Raises:
-        InputError: unusable H, T or ridge.
+        InputError: unusable H, T, ridge or groups.
     """
     H, T = finite_pair(H, T)
     if not (np.isfinite(ridge) and ridge >= 0):
         raise InputError(f"ridge must be a finite number of at least 0, not {ridge}.")
+    members = None if groups is None else members_of(groups, len(H))
     if intercept:
         H, T = centred(H), centred(T)
     with float64():
@@ -195,6 +211,7 @@ def press_path(H: Any, T: Any, ridge: float = 0.0, *, intercept: bool = False) -
             float(ridge),
             rank_tolerance(*H.shape),
             len(H),
+            members,
             intercept=intercept,
             penalised=ridge > 0,
         )
@@ -202,7 +219,10 @@ def press_path(H: Any, T: Any, ridge: float = 0.0, *, intercept: bool = False) -
 
 
 def basis_path(
-    basis: Float[Array, "entered samples"], T: Float64[np.ndarray, "samples outputs"], neurons: int
+    basis: Float[Array, "entered samples"],
+    T: Float64[np.ndarray, "samples outputs"],
+    neurons: int,
+    groups: Any = None,
 ) -> PressPath:
     """Leave-one-out errors with intercept from a basis of the centred columns, such as MRSR leaves behind.
 
@@ -210,14 +230,21 @@ def basis_path(
         basis: one orthonormal row per independent column, in order.
         T: targets.
         neurons: length of the curve; columns beyond the basis are dependent.
+        groups: as in `press_path`.
 
     Returns:
         The curve and what had to be handled.
+
+    Raises:
+        InputError: unusable groups.
     """
+    members = None if groups is None else members_of(groups, len(T))
     Q = np.zeros((len(T), neurons))
     Q[:, : len(basis)] = np.asarray(basis).T
     with float64():
-        errors = _basis_errors_jit(padded(Q), padded(centred(T)), intercept=True, saturates=True, count=len(T))
+        errors = _basis_errors_jit(
+            padded(Q), padded(centred(T)), intercept=True, saturates=True, count=len(T), members=members
+        )
     return _path_of(errors, np.arange(neurons) < len(basis), 0.0, T.shape[1])
 
 

@@ -49,21 +49,22 @@ def replay(H, T, path):
         yield X, active, T - Y
 
 
-def leave_one_out(H, T, ridge=0.0, intercept=False):
-    """Residuals of N refits, each judged on the sample left out."""
+def leave_out(H, T, ridge=0.0, intercept=False, groups=None):
+    """Residuals of refits without one sample or group after the other, each judged on what was left out."""
+    groups = np.arange(len(H)) if groups is None else np.asarray(groups)
     errors = np.empty_like(T)
-    for i in range(len(H)):
-        keep = np.arange(len(H)) != i
-        shift_h = H[keep].mean(axis=0) if intercept else np.zeros(H.shape[1])
-        shift_t = T[keep].mean(axis=0) if intercept else np.zeros(T.shape[1])
-        stacked = np.vstack([H[keep] - shift_h, np.sqrt(ridge) * np.eye(H.shape[1])])
-        targets = np.vstack([T[keep] - shift_t, np.zeros((H.shape[1], T.shape[1]))])
+    for group in np.unique(groups):
+        out = groups == group
+        shift_h = H[~out].mean(axis=0) if intercept else np.zeros(H.shape[1])
+        shift_t = T[~out].mean(axis=0) if intercept else np.zeros(T.shape[1])
+        stacked = np.vstack([H[~out] - shift_h, np.sqrt(ridge) * np.eye(H.shape[1])])
+        targets = np.vstack([T[~out] - shift_t, np.zeros((H.shape[1], T.shape[1]))])
         beta = np.linalg.lstsq(stacked, targets, rcond=None)[0]
-        errors[i] = T[i] - shift_t - (H[i] - shift_h) @ beta
+        errors[out] = T[out] - shift_t - (H[out] - shift_h) @ beta
     return errors
 
 
-def curve_by_refits(H, T, ridge=0.0, intercept=False):
-    """Mean squared leave-one-out error of every prefix."""
+def curve_by_refits(H, T, ridge=0.0, intercept=False, groups=None):
+    """Mean squared error of what was left out, of every prefix."""
     prefixes = range(1, H.shape[1] + 1)
-    return np.array([np.mean(leave_one_out(H[:, :k], T, ridge, intercept) ** 2) for k in prefixes])
+    return np.array([np.mean(leave_out(H[:, :k], T, ridge, intercept, groups) ** 2) for k in prefixes])

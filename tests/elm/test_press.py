@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from references import curve_by_refits, leave_one_out
+from references import curve_by_refits, leave_out
 from sklearn.linear_model import RidgeCV
 
 from relm_irl_jax.elm import press_curve, press_path
@@ -69,11 +69,11 @@ def test_a_sample_that_alone_determines_a_coefficient_keeps_its_error(rng):
     path = press_path(H, T)
     assert path.capped.tolist() == [0, 0, 0, 0, 1, 1]
     others = np.delete(np.arange(30), 12)
-    errors = leave_one_out(H[:, :5], T)  # the refit without the sample leaves its coefficient at zero
+    errors = leave_out(H[:, :5], T)  # the refit without the sample leaves its coefficient at zero
     np.testing.assert_allclose(path.curve[4], np.mean(errors**2), rtol=1e-8)
     assert np.isfinite(path.curve).all()
-    errors = leave_one_out(H, T)[others]
-    np.testing.assert_allclose(path.curve[5] * 60 - np.sum(leave_one_out(H[:, :4], T)[12] ** 2), np.sum(errors**2))
+    errors = leave_out(H, T)[others]
+    np.testing.assert_allclose(path.curve[5] * 60 - np.sum(leave_out(H[:, :4], T)[12] ** 2), np.sum(errors**2))
 
 
 def test_large_enough_for_several_panels(rng):
@@ -81,7 +81,7 @@ def test_large_enough_for_several_panels(rng):
     H[:, 50] = H[:, :50].sum(axis=1)
     curve = press_curve(H, T)
     for k in (1, 33, 51, 64, 65, 100):
-        np.testing.assert_allclose(curve[k - 1], np.mean(leave_one_out(H[:, :k], T) ** 2), rtol=1e-8)
+        np.testing.assert_allclose(curve[k - 1], np.mean(leave_out(H[:, :k], T) ** 2), rtol=1e-8)
 
 
 def test_ill_conditioned_columns(rng):
