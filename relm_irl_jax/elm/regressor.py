@@ -25,6 +25,7 @@ from relm_irl_jax.elm.hidden import ACTIVATIONS, Activation, draw_hidden
 from relm_irl_jax.elm.linear import centred, float64, rank_tolerance
 from relm_irl_jax.elm.mrsr import MRSRPath, path_and_basis
 from relm_irl_jax.elm.press import PressPath, basis_path, press_path
+from relm_irl_jax.elm.ridge import penalty_errors
 from relm_irl_jax.errors import InputError
 
 RIDGE_GRID = (0.0, *(10.0**exponent for exponent in range(-8, 2)))
@@ -36,12 +37,12 @@ class Diagnostics:
     """What the fit met and handled.
 
     Attributes:
-        rank: independent neurons among all, the intercept apart; None if neither MRSR nor PRESS ran.
+        rank: independent neurons among all, the intercept apart; None if neither MRSR nor PRESS's curve ran.
         dropped: neurons that depend on those before them or are constant, by index of drawing; None likewise.
         capped: samples whose leverage is one in the chosen model; their error is that of a smaller prefix.
-            None without PRESS.
-        press_empty: leave-one-out error of the intercept alone, to compare the curve with; None without PRESS.
-        ridge_press: leave-one-out error at the chosen size for each penalty tried.
+            None without a curve.
+        press_empty: leave-one-out error of the intercept alone, to compare the curve with; None without one.
+        ridge_press: least leave-one-out error of each penalty tried.
     """
 
     rank: int | None
@@ -111,7 +112,7 @@ class ELMRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
 
     Attributes:
         order_: neurons, by index of drawing, in the order of the curve.
-        press_curve_: mean squared leave-one-out error of the first 1, 2, … of them; None if nothing asked for it.
+        press_curve_: mean squared leave-one-out error of the first 1, 2, … of them; None unless it selects.
         n_selected_: number of neurons kept.
         ridge_: penalty used.
         hidden_: the neurons kept, in order.
@@ -168,12 +169,16 @@ class ELMRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
             if not valid:
                 raise InputError(f"{name} must be {what}, not {getattr(self, name)!r}.")
 
-    def fit(self, X: Any, y: Any, report: Callable[[int], None] = lambda entered: None) -> "ELMRegressor":
+    def fit(
+        self, X: Any, y: Any, groups: Any = None, report: Callable[[int], None] = lambda entered: None
+    ) -> "ELMRegressor":
         """Draw the hidden layer, order and select neurons, and solve for the output weights.
 
         Args:
             X: inputs, one row per sample.
             y: targets, one row or one number per sample.
+            groups: one label per sample; PRESS leaves out samples of one label together, so that what it chooses is
+                good for samples that have no like among those fitted. None leaves out one at a time.
             report: called with the number of neurons that MRSR ordered since its last call.
 
         Returns:
@@ -192,12 +197,9 @@ class ELMRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         path, basis = path_and_basis(H, T, self.norm, report) if self.ordering == "mrsr" else (None, None)
         self.mrsr_: MRSRPath | None = path
         self.order_ = np.arange(count) if path is None else path.order
-        presses = self._presses(H[:, self.order_], T, path, basis)
-        sizes = [self._size(press, count) for press in presses]
-        best = min(range(len(presses)), key=lambda i: presses[i].curve[sizes[i] - 1], default=None)
-        press = None if best is None else presses[best]
+        press, tried = self._choose(H[:, self.order_], T, path, basis, groups)
         self.press_curve_ = None if press is None else press.curve
-        self.ridge_ = float(self.ridge) if press is None else press.ridge
+        self.ridge_ = min(tried, key=lambda penalty: tried[penalty]) if tried else float(self.ridge)
         self.n_selected_ = self._size(press, count)
         kept = self.order_[: self.n_selected_]
         self.hidden_ = layer.take(kept)
@@ -207,7 +209,7 @@ class ELMRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
             dropped=path.dependent if path else press.dropped if press else None,
             capped=None if press is None else int(press.capped[self.n_selected_ - 1]),
             press_empty=None if press is None else press.empty,
-            ridge_press={press.ridge: float(press.curve[size - 1]) for press, size in zip(presses, sizes, strict=True)},
+            ridge_press=tried,
         )
         return self
 
@@ -225,20 +227,28 @@ class ELMRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
             return press.best
         return count if isinstance(self.selection, str) else min(int(self.selection), count)
 
-    def _presses(self, H, T, path, basis) -> list[PressPath]:
-        """Leave-one-out curves of the penalties to choose from, if anything is to be chosen."""
-        if self.selection != "press" and self.ridge != "press":
-            return []
+    def _choose(
+        self, H: np.ndarray, T: np.ndarray, path: MRSRPath | None, basis: Array | None, groups: Any
+    ) -> tuple[PressPath | None, dict[float, float]]:
+        """The leave-one-out curve to select neurons by, if they are, and the error of each penalty at its best size."""
         if self.ridge == "press":
             size = np.square(H - H.mean(axis=0)).sum(axis=0).mean()
-            penalties = [share * size for share in RIDGE_GRID]
+            penalties = [float(share * size) for share in RIDGE_GRID]
         else:
             penalties = [float(self.ridge)]
+        if self.selection != "press":
+            if self.ridge != "press":
+                return None, {}
+            kept = H[:, : self._size(None, H.shape[1])]
+            return None, dict(zip(penalties, penalty_errors(kept, T, penalties, groups).tolist(), strict=True))
         # MRSR's basis spans the same prefixes, standardised or not, unless it ended early with nothing left to explain.
-        shared = path is not None and path.entered + len(path.dependent) == H.shape[1]
-        return [
-            basis_path(basis[: path.entered], T, H.shape[1])
-            if shared and not ridge
-            else press_path(H, T, ridge, intercept=True)
+        own = None
+        if path is not None and basis is not None and path.entered + len(path.dependent) == H.shape[1]:
+            own = basis[: path.entered]
+        presses = [
+            basis_path(own, T, H.shape[1], groups)
+            if own is not None and not ridge
+            else press_path(H, T, ridge, intercept=True, groups=groups)
             for ridge in penalties
         ]
+        return min(presses, key=lambda press: press.curve.min()), {p.ridge: float(p.curve.min()) for p in presses}

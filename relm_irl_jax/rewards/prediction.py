@@ -34,6 +34,10 @@ class ElmSettings:
     """Neurons that the regularised machine keeps: the minimum of the PRESS curve, all, or a number."""
     ridge: NonNegativeFloat | Literal["press"] = 0.0
     """Ridge of the regularised machine's output weights, or `press` to choose it by PRESS."""
+    leave_out: Literal["pair", "target"] = "pair"
+    """What PRESS leaves out at a time: one pair, as in the paper, or all pairs of one target, whose weights are alike.
+    The other pairs of a target tell what the weights of one of them are, so that leaving out one alone keeps more
+    neurons than is good for new targets."""
     follow: bool = False
     """Predict from the current view instead of the episode's first one ("adjusted in real time", section 4.2)."""
 
@@ -45,10 +49,12 @@ class PairData:
     Attributes:
         inputs: view features of start and target, side by side.
         weights: reward weights of the pair.
+        target: number of the pair's target.
     """
 
     inputs: Float32[np.ndarray, "pairs inputs"]
     weights: Float64[np.ndarray, "pairs d"]
+    target: Int[np.ndarray, "pairs"]
 
 
 def pair_inputs(
@@ -152,7 +158,7 @@ def pair_data(
     views = [scenes[record.target.scene].encoded for record in own]
     first = np.stack([view[start] for view, start in zip(views, starts, strict=True)])
     wanted = np.stack([view[record.target.state] for view, record in zip(views, own, strict=True)])
-    return PairData(pair_inputs(first, wanted), np.stack([record.solution.w for record in own]))
+    return PairData(pair_inputs(first, wanted), np.stack([record.solution.w for record in own]), owner)
 
 
 def fit_machine(data: PairData, settings: ElmSettings, seed: int, *, regularised: bool) -> ELMRegressor:
@@ -176,7 +182,8 @@ def fit_machine(data: PairData, settings: ElmSettings, seed: int, *, regularised
         ridge=settings.ridge if regularised else 0.0,
         random_state=seed,
     )
+    groups = data.target if settings.leave_out == "target" else None
     if machine.ordering == "none":
-        return machine.fit(data.inputs, data.weights)
+        return machine.fit(data.inputs, data.weights, groups)
     with progress_bar("ordering neurons", min(settings.hidden, len(data.inputs)), "neurons") as advance:
-        return machine.fit(data.inputs, data.weights, report=advance)
+        return machine.fit(data.inputs, data.weights, groups, report=advance)
