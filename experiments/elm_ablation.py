@@ -16,8 +16,14 @@ import tyro
 from matplotlib.figure import Figure
 from rich.console import Console
 
-from relm_irl_jax.config import Config, config_record
-from relm_irl_jax.elm.ablation import PAPER_SIZES, accuracy_by_size, before_and_after, leave_one_out_curve
+from relm_irl_jax.config import Config, config_from_record, config_record
+from relm_irl_jax.elm.ablation import (
+    PAPER_SIZES,
+    accuracy_by_choice,
+    accuracy_by_size,
+    before_and_after,
+    leave_one_out_curve,
+)
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.report.curves import thousands
 from relm_irl_jax.report.figures import press_columns, press_figure, save_figure
@@ -66,6 +72,26 @@ def held_out_pairs(config: Config, scenes: Sequence[Scene], seed: int) -> tuple[
     groups = [[r for i, r in enumerate(records) if (i in test) == wanted] for wanted in (False, True)]
     fitted, tested = (pair_data(scenes, group, config.elm.pairs, generator) for group in groups)
     return fitted, tested
+
+
+def compare_choices(settings: Ablation, scenes: Sequence[Scene], seed: int, folder: Path) -> None:
+    """Keep what several ways to choose neurons and penalty are worth for one seed.
+
+    Args:
+        settings: the ablation.
+        scenes: encoded training scenes.
+        seed: the seed.
+        folder: folder for the table.
+    """
+    fitted, tested = held_out_pairs(settings.config, scenes, seed)
+    elm = settings.config.elm
+    parameters = {"n_hidden": elm.hidden, "activation": elm.activation, "norm": elm.norm, "random_state": seed}
+    data = (fitted.inputs, fitted.weights, tested.inputs, tested.weights, fitted.target)
+    choices = accuracy_by_choice(*data, **parameters)
+    columns = {
+        field: [getattr(choice, field) for choice in choices.values()] for field in ("accuracy", "kept", "ridge")
+    }
+    write_table(folder / "choices.csv", {"choice": list(choices), **columns})
 
 
 def measure(settings: Ablation, scenes: Sequence[Scene], seed: int, folder: Path) -> None:
@@ -142,6 +168,20 @@ def draw_predictions(folders: Sequence[Path], path: Path) -> None:
     save_figure(figure, path, points)
 
 
+def choice_columns(folders: Sequence[Path]) -> dict[str, list]:
+    """Means and 95% intervals over seeds of what every way to choose neurons is worth."""
+    columns: dict[str, list] = {"choice": read_table(folders[0] / "choices.csv")["choice"]}
+    for name in ("accuracy", "kept", "ridge"):
+        cells = [summarise(list(values)) for values in numbers(folders, "choices.csv", name).T]
+        columns |= {name: [cell.mean for cell in cells], f"{name}_half_width": [cell.half_width for cell in cells]}
+    return columns
+
+
+def _complete(record: dict) -> dict:
+    """Settings as they were kept, with fields that were added since at their defaults."""
+    return {**record, "config": config_record(config_from_record(record["config"], "settings.json"))}
+
+
 def main(settings: Ablation) -> None:
     """Draw Figures 7 to 10.
 
@@ -154,22 +194,29 @@ def main(settings: Ablation) -> None:
     out, console = settings.out, Console()
     record = {"sizes": list(settings.sizes), "config": config_record(settings.config)}
     kept = out / "settings.json"
-    if kept.exists() and json.loads(kept.read_text()) != record:
+    if kept.exists() and _complete(json.loads(kept.read_text())) != record:
         raise InputError(f"out: {out} holds an ablation with other settings; give another folder, or remove it.")
     write_json(kept, record)
     folders = [out / f"seed-{seed}" for seed in range(settings.seeds)]
-    missing = [seed for seed, folder in enumerate(folders) if not (folder / "accuracy.csv").exists()]
-    if missing:
+    jobs = [
+        (seed, job)
+        for seed, folder in enumerate(folders)
+        for job, table in ((measure, "accuracy.csv"), (compare_choices, "choices.csv"))
+        if not (folder / table).exists()
+    ]
+    if jobs:
         scenes = encode_training(settings.config).scenes
-        for seed in missing:
-            console.print(f"seed {seed}: rewards, then machines of {len(settings.sizes)} sizes")
-            measure(settings, scenes, seed, folders[seed])
+    for seed, job in jobs:
+        what = f"machines of {len(settings.sizes)} sizes" if job is measure else "ways to choose neurons"
+        console.print(f"seed {seed}: rewards, then {what}")
+        job(settings, scenes, seed, folders[seed])
     draw_sizes(folders, out / "figure-7.png")
     draw_predictions(folders, out / "figure-8-10.png")
     curves = [np.asarray(read_table(folder / "press.csv")["mean_squared_error"], float) for folder in folders]
     save_figure(press_figure(curves), out / "figure-9.png", press_columns(curves))
     accuracy = {name: numbers(folders, "accuracy.csv", name)[:, 0] for name in ("elm_r2", "relm_r2", "kept")}
     write_table(out / "accuracy.csv", {"seed": range(settings.seeds), **accuracy})
+    write_table(out / "choices.csv", choice_columns(folders))
     cells = {name: summarise(values.tolist()) for name, values in accuracy.items()}
     console.print(
         f"R² on held-out targets: {cells['elm_r2']} with all {settings.config.elm.hidden} neurons, "

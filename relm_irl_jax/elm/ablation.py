@@ -159,3 +159,57 @@ def before_and_after(
         Predictions(truth, before, after, r2_score(truth, before), r2_score(truth, after), model.n_selected_),
         model,
     )
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One way to choose neurons and penalty.
+
+    Attributes:
+        accuracy: R² on the test pairs.
+        kept: number of neurons kept.
+        ridge: penalty on the output weights.
+    """
+
+    accuracy: float
+    kept: int
+    ridge: float
+
+
+ALL: dict[str, Any] = {"ordering": "none", "selection": "none"}
+WAYS: dict[str, tuple[dict[str, Any], bool]] = {
+    "all neurons": (ALL, False),
+    "MRSR, PRESS leaves out pairs": ({}, False),
+    "MRSR, PRESS leaves out targets": ({}, True),
+    "all neurons, ridge by PRESS of pairs": ({**ALL, "ridge": "press"}, False),
+    "all neurons, ridge by PRESS of targets": ({**ALL, "ridge": "press"}, True),
+}
+"""Ways to choose neurons and penalty: parameters of `ELMRegressor`, and whether it is told which pairs share a target.
+The second is the paper's."""
+
+
+def accuracy_by_choice(
+    X: Float64[np.ndarray, "samples inputs"],
+    T: Float64[np.ndarray, "samples outputs"],
+    X_test: Float64[np.ndarray, "test inputs"],
+    T_test: Float64[np.ndarray, "test outputs"],
+    groups: Int[np.ndarray, "samples"],
+    **parameters: Any,
+) -> dict[str, Choice]:
+    """What each of `WAYS` is worth, with the same hidden layer.
+
+    Args:
+        X, T: training pairs.
+        X_test, T_test: test pairs, of other targets.
+        groups: number of each training pair's target.
+        parameters: of `ELMRegressor`; `random_state` is 0 unless given.
+
+    Returns:
+        The choices, by the names of `WAYS`.
+    """
+    found = {}
+    for name, (way, grouped) in WAYS.items():
+        settings: dict[str, Any] = {"random_state": 0, **parameters, **way}
+        model = ELMRegressor(**settings).fit(X, T, groups if grouped else None)
+        found[name] = Choice(r2_score(T_test, model.predict(X_test)), model.n_selected_, model.ridge_)
+    return found

@@ -1,11 +1,13 @@
 """The page of the whole study: both agents' tables and figures, the machine's figures, and the ablations."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from relm_irl_jax.report.comparison import Difference, differences, statement
+from relm_irl_jax.report.curves import thousands
 from relm_irl_jax.report.page import circumstances, run_sections, write_page
+from relm_irl_jax.report.tables import Cell
 from relm_irl_jax.runs import find_run, read_all_results, read_table, write_table
 from relm_irl_jax.studies.ablation import Measured, ablation_columns, ablation_table
 
@@ -103,7 +105,22 @@ def _machine_figures(out: Path) -> list[str]:
             for seed, plain, regularised, kept in zip(*accuracy.values(), strict=True)
         ),
         "",
+        "Pairs of one target have the same weights, so that leaving out one pair at a time, as in the paper, does not "
+        "say what a machine is worth for new targets; leaving out all pairs of a target does.",
+        "",
+        "| Chosen by | R² on held-out targets | Neurons kept |",
+        "|---|---:|---:|",
+        *(
+            f"| {row['choice']} | {Cell(float(row['accuracy']), float(row['accuracy_half_width']))} "
+            f"| {thousands(Cell(float(row['kept']), float(row['kept_half_width'])))} |"
+            for row in _rows(read_table(out / "elm" / "choices.csv"))
+        ),
+        "",
     ]
+
+
+def _rows(table: Mapping[str, list[str]]) -> list[dict[str, str]]:
+    return [dict(zip(table, values, strict=True)) for values in zip(*table.values(), strict=True)]
 
 
 def _ablations(out: Path, lines: Sequence[Measured]) -> list[str]:

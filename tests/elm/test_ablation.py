@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from relm_irl_jax.elm.ablation import accuracy_by_size, before_and_after, leave_one_out_curve
+from relm_irl_jax.elm.ablation import WAYS, accuracy_by_choice, accuracy_by_size, before_and_after, leave_one_out_curve
 
 
 @pytest.fixture
@@ -29,3 +29,13 @@ def test_before_and_after(pairs):
     curve = leave_one_out_curve(model)
     assert curve.best == predictions.kept == np.argmin(curve.error) + 1
     assert len(curve.error) == 90
+
+
+def test_every_way_to_choose_neurons_is_judged_on_the_test_pairs(pairs):
+    choices = accuracy_by_choice(*pairs, np.arange(100) // 2, n_hidden=90)
+    assert list(choices) == list(WAYS)
+    everything, *chosen = choices.values()
+    assert (everything.kept, everything.ridge) == (90, 0.0)
+    assert all(choice.accuracy > everything.accuracy for choice in chosen)
+    assert choices["MRSR, PRESS leaves out pairs"].kept == before_and_after(*pairs, n_hidden=90)[0].kept
+    assert choices["all neurons, ridge by PRESS of targets"].ridge > 0
