@@ -74,16 +74,16 @@ def held_out_pairs(config: Config, scenes: Sequence[Scene], seed: int) -> tuple[
     return fitted, tested
 
 
-def compare_choices(settings: Ablation, scenes: Sequence[Scene], seed: int, folder: Path) -> None:
+def compare_choices(settings: Ablation, fitted: PairData, tested: PairData, seed: int, folder: Path) -> None:
     """Keep what several ways to choose neurons and penalty are worth for one seed.
 
     Args:
         settings: the ablation.
-        scenes: encoded training scenes.
+        fitted: pairs to fit on.
+        tested: pairs of other targets.
         seed: the seed.
         folder: folder for the table.
     """
-    fitted, tested = held_out_pairs(settings.config, scenes, seed)
     elm = settings.config.elm
     parameters = {"n_hidden": elm.hidden, "activation": elm.activation, "norm": elm.norm, "random_state": seed}
     data = (fitted.inputs, fitted.weights, tested.inputs, tested.weights, fitted.target)
@@ -94,16 +94,16 @@ def compare_choices(settings: Ablation, scenes: Sequence[Scene], seed: int, fold
     write_table(folder / "choices.csv", {"choice": list(choices), **columns})
 
 
-def measure(settings: Ablation, scenes: Sequence[Scene], seed: int, folder: Path) -> None:
+def measure(settings: Ablation, fitted: PairData, tested: PairData, seed: int, folder: Path) -> None:
     """Fit the machines of one seed and keep what the figures show.
 
     Args:
         settings: the ablation.
-        scenes: encoded training scenes.
+        fitted: pairs to fit on.
+        tested: pairs of other targets.
         seed: the seed.
         folder: folder for the tables; the last one written says that all are there.
     """
-    fitted, tested = held_out_pairs(settings.config, scenes, seed)
     data = (fitted.inputs, fitted.weights, tested.inputs, tested.weights)
     elm = settings.config.elm
     hidden = elm.hidden
@@ -120,6 +120,10 @@ def measure(settings: Ablation, scenes: Sequence[Scene], seed: int, folder: Path
     accuracy = {"fitted": [len(fitted.inputs)], "tested": [len(tested.inputs)], "elm_r2": [predictions.plain_accuracy]}
     accuracy |= {"relm_r2": [predictions.regularised_accuracy], "kept": [predictions.kept]}
     write_table(folder / "accuracy.csv", accuracy)
+
+
+JOBS = {measure: "accuracy.csv", compare_choices: "choices.csv"}
+"""What is measured for every seed, and the table that says that it was."""
 
 
 def numbers(folders: Sequence[Path], table: str, column: str) -> np.ndarray:
@@ -198,18 +202,18 @@ def main(settings: Ablation) -> None:
         raise InputError(f"out: {out} holds an ablation with other settings; give another folder, or remove it.")
     write_json(kept, record)
     folders = [out / f"seed-{seed}" for seed in range(settings.seeds)]
-    jobs = [
-        (seed, job)
+    missing = {
+        seed: [job for job, table in JOBS.items() if not (folder / table).exists()]
         for seed, folder in enumerate(folders)
-        for job, table in ((measure, "accuracy.csv"), (compare_choices, "choices.csv"))
-        if not (folder / table).exists()
-    ]
-    if jobs:
+    }
+    if any(missing.values()):
         scenes = encode_training(settings.config).scenes
-    for seed, job in jobs:
-        what = f"machines of {len(settings.sizes)} sizes" if job is measure else "ways to choose neurons"
-        console.print(f"seed {seed}: rewards, then {what}")
-        job(settings, scenes, seed, folders[seed])
+    for seed, jobs in missing.items():
+        if jobs:
+            console.print(f"seed {seed}: rewards, then machines of {len(settings.sizes)} sizes")
+            pairs = held_out_pairs(settings.config, scenes, seed)
+            for job in jobs:
+                job(settings, *pairs, seed, folders[seed])
     draw_sizes(folders, out / "figure-7.png")
     draw_predictions(folders, out / "figure-8-10.png")
     curves = [np.asarray(read_table(folder / "press.csv")["mean_squared_error"], float) for folder in folders]
