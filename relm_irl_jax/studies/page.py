@@ -75,7 +75,7 @@ def tally(found: Sequence[Difference]) -> str:
 
 
 def _machine_figures(out: Path) -> list[str]:
-    if not (out / "elm" / "accuracy.csv").exists():
+    if not (out / "elm" / "choices.csv").exists():
         return []
     accuracy = read_table(out / "elm" / "accuracy.csv")
     config = json.loads((out / "elm" / "settings.json").read_text())["config"]
