@@ -16,6 +16,7 @@ Every file appears whole or not at all.
 """
 
 import csv
+import io
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -182,9 +183,11 @@ def write_table(path: Path, columns: Mapping[str, Sequence | np.ndarray]) -> Non
         path: the file.
         columns: values by name.
     """
-    lines = [",".join(columns)]
-    lines += [",".join(str(value) for value in row) for row in zip(*columns.values(), strict=True)]
-    write_bytes(path, ("\n".join(lines) + "\n").encode())
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows([str(value) for value in row] for row in zip(*columns.values(), strict=True))
+    write_bytes(path, text.getvalue().encode())
 
 
 def read_table(path: Path) -> dict[str, list[str]]:

@@ -12,7 +12,7 @@ from relm_irl_jax.config import Agent, Config, first_fault, overlay, read_record
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.report.comparison import OURS, marked, paired
 from relm_irl_jax.report.tables import METRIC_NAMES, Cell, by_seed, summarise
-from relm_irl_jax.runs import RunFolder, read_all_results
+from relm_irl_jax.runs import RunFolder, read_all_results, read_table
 from relm_irl_jax.studies.study import TASKS, complete, finished
 
 BASE = "base"
@@ -68,6 +68,7 @@ class Measured:
         frames: training frames of each.
         value: mean and interval of each task and metric.
         change: the same, minus the base on the same seeds; empty for the base.
+        rank: mean and interval of the median rank of a new target among its scene's states, by predicted reward.
     """
 
     agent: str
@@ -77,6 +78,7 @@ class Measured:
     frames: int
     value: Mapping[tuple[str, str], Cell]
     change: Mapping[tuple[str, str], Cell]
+    rank: Cell
 
 
 def load_ablation(path: Path) -> Ablation:
@@ -160,7 +162,8 @@ def measure(ablation: Ablation, changes: Mapping[str, Any], folder: Path) -> lis
             config = configure(ablation, name, agent, changes, folder)
             if not finished(config) or (name != BASE and not base):
                 continue
-            results = read_all_results(RunFolder(folder / f"{agent}-{name}"))
+            held = RunFolder(folder / f"{agent}-{name}")
+            results = read_all_results(held)
             own: BySeed = {(t, m): by_seed(results[t]["rows"], OURS, m, "mean") for t in TASKS for m in METRICS}
             if name == BASE:
                 base = own
@@ -169,8 +172,19 @@ def measure(ablation: Ablation, changes: Mapping[str, Any], folder: Path) -> lis
             change: dict[tuple[str, str], Cell] = (
                 {} if name == BASE else {key: paired(seeds, base[key])[0] for key, seeds in own.items()}
             )
-            lines.append(Measured(agent, name, title, config.seeds, config.frames, value, change))
+            rank = summarise([_rank(held.rewards(seed, "quality.csv")) for seed in range(config.seeds)])
+            lines.append(Measured(agent, name, title, config.seeds, config.frames, value, change, rank))
     return lines
+
+
+def _rank(path: Path) -> float:
+    """Median rank of new targets under our predicted rewards."""
+    table = read_table(path)
+    return next(
+        float(rank)
+        for method, targets, rank in zip(table["method"], table["targets"], table["median_rank"], strict=True)
+        if (method, targets) == (OURS, "new")
+    )
 
 
 def ablation_columns(lines: Sequence[Measured]) -> dict[str, list]:
@@ -188,7 +202,9 @@ def ablation_columns(lines: Sequence[Measured]) -> dict[str, list]:
         for (task, metric), value in line.value.items():
             change = line.change.get((task, metric), nothing)
             key = (line.agent, line.name, task, metric)
-            rows.append((*key, value.mean, value.half_width, change.mean, change.half_width, line.seeds, line.frames))
+            cells = (value, change, line.rank)
+            spread = [number for cell in cells for number in (cell.mean, cell.half_width)]
+            rows.append((*key, *spread, line.seeds, line.frames))
     names = (
         "agent",
         "variant",
@@ -198,6 +214,8 @@ def ablation_columns(lines: Sequence[Measured]) -> dict[str, list]:
         "half_width",
         "change",
         "change_half_width",
+        "rank",
+        "rank_half_width",
         "seeds",
         "frames",
     )
@@ -215,12 +233,13 @@ def ablation_table(lines: Sequence[Measured], metric: str) -> str:
         A Markdown table.
     """
     name = METRIC_NAMES[metric].split()[0]
-    lines_ = ["| | " + " | ".join(f"Task {task}: {name} | change" for task in TASKS) + " |", "|---|" + "---:|---:|" * 3]
+    head = "| | " + " | ".join(f"Task {task}: {name} | change" for task in TASKS) + " | rank |"
+    lines_ = [head, "|---|" + "---:|---:|" * 3 + "---:|"]
     for line in lines:
         cells = [line.title]
         for task in TASKS:
             cells.append(str(line.value[task, metric]))
             change = line.change.get((task, metric))
             cells.append("" if change is None else marked(change))
-        lines_.append("| " + " | ".join(cells) + " |")
+        lines_.append("| " + " | ".join([*cells, f"{line.rank.mean:.1f} ± {line.rank.half_width:.1f}"]) + " |")
     return "\n".join(lines_)

@@ -133,7 +133,8 @@ def _ablations(out: Path, lines: Sequence[Measured]) -> list[str]:
         "",
         "RELM-IRL with one setting changed, and fewer frames and episodes than in the tables above. Changes are paired "
         "with the base on the same seeds, ± half of the 95% interval (Student's t), each on its own; bold where it "
-        "excludes zero.",
+        "excludes zero, which one in twenty does by chance. Rank: where the reward predicted from the views of start "
+        "and target places a new target among the states of its scene, in the median over targets; 1 is best.",
         "",
     ]
     for agent in dict.fromkeys(line.agent for line in lines):

@@ -21,7 +21,12 @@ def test_every_figure_has_its_table_and_nothing_is_fitted_again(tmp_path):
         write_table(folder / "sizes.csv", {"neurons": [1, 10], "test_r2": [0.1 + seed, 0.3], "train_r2": [0.2, 0.9]})
         write_table(folder / "points.csv", {name: np.arange(4) / 10 for name in ("truth", "elm", "relm")})
         write_table(folder / "press.csv", {"mean_squared_error": [3.0, 1.0 - 0.5 * seed, 2.0]})
-        choice = {"choice": ["all", "some"], "accuracy": [0.1, 0.2 + seed], "kept": [9, 5], "ridge": [0.0, 1.0]}
+        choice = {
+            "choice": ["all", "some, by PRESS"],
+            "accuracy": [0.1, 0.2 + seed],
+            "kept": [9, 5],
+            "ridge": [0.0, 1.0],
+        }
         write_table(folder / "choices.csv", choice)
         write_table(folder / "accuracy.csv", {"fitted": [5], "tested": [4], "elm_r2": [0], "relm_r2": [1], "kept": [2]})
     settings = elm_ablation.Ablation(tmp_path, seeds=2, sizes=(1, 10))
@@ -33,7 +38,7 @@ def test_every_figure_has_its_table_and_nothing_is_fitted_again(tmp_path):
     assert [float(value) for value in curve["test_r2"]] == pytest.approx([0.6, 0.3])
     assert read_table(tmp_path / "figure-9.csv")["minimum"] == ["False", "True", "False"] * 2
     choices = read_table(tmp_path / "choices.csv")
-    assert choices["choice"] == ["all", "some"]
+    assert choices["choice"] == ["all", "some, by PRESS"]
     assert [float(value) for value in choices["accuracy"]] == pytest.approx([0.1, 0.7])
     kept = json.loads((tmp_path / "settings.json").read_text())
     del kept["config"]["elm"]["leave_out"]  # as a version left it that had no such field

@@ -7,7 +7,7 @@ import pytest
 
 from relm_irl_jax.config import Config, config_record, read_record
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.runs import write_json
+from relm_irl_jax.runs import RunFolder, write_json, write_table
 from relm_irl_jax.studies.ablation import (
     BASE,
     Ablation,
@@ -69,6 +69,10 @@ def leave_results(config: Config, values: list[float]) -> None:
     assert config.run is not None
     write_json(config.run / "config.json", config_record(config))
     (config.run / "report.html").write_text("")
+    for seed, _ in enumerate(values):
+        quality = {"method": ["elm-irl", "relm-irl", "relm-irl"], "targets": ["new", "trained", "new"]}
+        ranks = {"median_rank": [30, 1, 2 + seed]}
+        write_table(RunFolder(config.run).rewards(seed, "quality.csv"), quality | ranks)
     for task in TASKS:
         rows = [
             {"method": "relm-irl", "scene": "bathroom-0", "room_type": "bathroom", "seed": seed, "episodes": 10}
@@ -88,7 +92,9 @@ def test_the_table_pairs_finished_runs_with_the_base(tmp_path):
     assert [(line.name, line.frames) for line in lines] == [(BASE, 70), ("wide", 70)]
     change = lines[1].change["II", "sr"]
     assert (change.mean, change.half_width) == (pytest.approx(0.1), pytest.approx(0.0, abs=1e-12))
+    assert lines[1].rank.mean == 2.5
     assert "| wider | 0.40 ± 2.54 | **+0.100 ± 0.000** |" in ablation_table(lines, "sr")
+    assert ablation_table(lines, "sr").endswith("| 2.5 ± 6.4 |")
     assert len(ablation_columns(lines)["agent"]) == 2 * 3 * 2
     page = write_study(tmp_path, lines).with_suffix(".html").read_text()
     assert "wider" in page
