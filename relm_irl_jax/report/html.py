@@ -13,6 +13,9 @@ from relm_irl_jax.report.figures import FIGURE_DPI
 SCREEN_DPI = 100
 """Dots an inch at which figures are shown, so that their text is about as large as the page's."""
 
+LONG_NAME = 30
+"""Letters from which the name of a table's row is broken into lines."""
+
 STYLE = """
 :root { color-scheme: light dark; }
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 68rem; margin: 0 auto; padding: 1rem; }
@@ -25,6 +28,8 @@ th { text-align: left; vertical-align: bottom; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size: 0.92em; }
 th, td { padding: 0.25rem 0.7rem; border-bottom: 1px solid #8884; white-space: nowrap; }
 th:first-child, td:first-child { position: sticky; left: 0; background: Canvas; padding-left: 0; }
+.described td:first-child { white-space: normal; min-width: min(12rem, 38vw); }
+.described th, .described td { padding-left: 0.35rem; padding-right: 0.35rem; }
 thead th { border-bottom: 2px solid #888a; white-space: normal; min-width: 4rem; max-width: 12rem; }
 code, pre { font-size: 0.88em; }
 pre { overflow: auto; max-height: 24rem; padding: 0.8rem; background: #8881; border-radius: 4px; }
@@ -42,7 +47,7 @@ def render_page(text: str, folder: Path) -> str:
         A whole HTML page that needs no other file.
     """
     body = MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
-    body = body.replace("<table>", '<div class="table"><table>').replace("</table>", "</table></div>")
+    body = re.sub("<table>.*?</table>", lambda found: _table(found[0]), body, flags=re.DOTALL)
     picture = r'<p><img src="([^"]+)"([^>]*)></p>'
     body = re.sub(picture, lambda found: _picture(folder / found[1], found[2].rstrip(" /")), body)
     title = html.escape(text.splitlines()[0].lstrip("# "))
@@ -51,6 +56,13 @@ def render_page(text: str, folder: Path) -> str:
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f"<title>{title}</title><style>{STYLE}</style></head>\n<body>\n{body}</body></html>\n"
     )
+
+
+def _table(table: str) -> str:
+    """A table in a box that scrolls by itself; long names of its rows are broken into lines."""
+    names = re.findall("<tr>\\s*<td[^>]*>([^<]*)</td>", table)
+    shape = "table described" if max(map(len, names), default=0) > LONG_NAME else "table"
+    return f'<div class="{shape}">{table}</div>'
 
 
 def _picture(path: Path, rest: str) -> str:

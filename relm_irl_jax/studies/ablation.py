@@ -233,13 +233,13 @@ def ablation_table(lines: Sequence[Measured], metric: str) -> str:
         A Markdown table.
     """
     name = METRIC_NAMES[metric].split()[0]
-    head = "| | " + " | ".join(f"Task {task}: {name} | change" for task in TASKS) + " | rank |"
-    lines_ = [head, "|---|" + "---:|---:|" * 3 + "---:|"]
+    head = "| | rank | " + " | ".join(f"Task {task}: {name} | change" for task in TASKS) + " |"
+    lines_ = [head, "|---|---:|" + "---:|---:|" * 3]
     for line in lines:
-        cells = [line.title]
+        cells = [line.title, f"{line.rank.mean:.1f} ± {line.rank.half_width:.1f}"]
         for task in TASKS:
             cells.append(str(line.value[task, metric]))
             change = line.change.get((task, metric))
             cells.append("" if change is None else marked(change))
-        lines_.append("| " + " | ".join([*cells, f"{line.rank.mean:.1f} ± {line.rank.half_width:.1f}"]) + " |")
+        lines_.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines_)
