@@ -150,4 +150,4 @@ def thousands(value: Cell) -> str:
     Returns:
         Text such as `410 ± 30`.
     """
-    return f"{value.mean:,.0f}" if np.isnan(value.half_width) else f"{value.mean:,.0f} ± {value.half_width:,.0f}"
+    return f"{value:,.0f}"

@@ -27,9 +27,14 @@ class Cell:
     mean: float
     half_width: float
 
+    def __format__(self, form: str) -> str:
+        """The mean, with the interval where there is one, both in a form such as `.1f`; `.2f` where none is given."""
+        numbers = (self.mean,) if np.isnan(self.half_width) else (self.mean, self.half_width)
+        return " ± ".join(format(number, form or ".2f") for number in numbers)
+
     def __str__(self) -> str:
         """The mean, with the interval where there is one."""
-        return f"{self.mean:.2f}" if np.isnan(self.half_width) else f"{self.mean:.2f} ± {self.half_width:.2f}"
+        return format(self)
 
 
 def columns_of(rows: Sequence[dict]) -> tuple[str, ...]:

@@ -236,7 +236,7 @@ def ablation_table(lines: Sequence[Measured], metric: str) -> str:
     head = "| | rank | " + " | ".join(f"Task {task}: {name} | change" for task in TASKS) + " |"
     lines_ = [head, "|---|---:|" + "---:|---:|" * 3]
     for line in lines:
-        cells = [line.title, f"{line.rank.mean:.1f} ± {line.rank.half_width:.1f}"]
+        cells = [line.title, f"{line.rank:.1f}"]
         for task in TASKS:
             cells.append(str(line.value[task, metric]))
             change = line.change.get((task, metric))
