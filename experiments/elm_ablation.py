@@ -28,11 +28,11 @@ from relm_irl_jax.errors import InputError
 from relm_irl_jax.report.curves import thousands
 from relm_irl_jax.report.figures import press_columns, press_figure, save_figure
 from relm_irl_jax.report.tables import summarise
-from relm_irl_jax.rewards.demonstrations import fit_basis, learn_rewards
 from relm_irl_jax.rewards.prediction import PairData, pair_data
 from relm_irl_jax.runs import read_table, write_json, write_table
 from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.stages.encoding import encode_training
+from relm_irl_jax.stages.learning import learn_demonstrated
 from relm_irl_jax.tasks import draw_split
 
 DRAWN = 8000
@@ -65,8 +65,7 @@ def held_out_pairs(config: Config, scenes: Sequence[Scene], seed: int) -> tuple[
         Pairs to fit on, and pairs of other targets to test on.
     """
     split = draw_split(scenes, (), config.tasks, seed)
-    basis = fit_basis(scenes, config.irl.dimension)
-    records = learn_rewards(scenes, split, basis, config.irl, seed)
+    _, records = learn_demonstrated(config, scenes, split, seed)
     generator = np.random.default_rng([seed, 4])
     test = set(generator.permutation(len(records))[: len(records) // 6].tolist())
     groups = [[r for i, r in enumerate(records) if (i in test) == wanted] for wanted in (False, True)]
