@@ -17,9 +17,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from relm_irl_jax.agent.learning import Row, State
-from relm_irl_jax.config import Config, config_from_record, config_record, trained_part
+from relm_irl_jax.config import Config, config_from_dict, config_to_dict, trained_part
 from relm_irl_jax.errors import InputError
+from relm_irl_jax.types import Row, State
 
 LATE = ("Event loop is closed", "Encountered error while reading")
 """What reads of a damaged checkpoint say that end once Orbax has given up; not worth a traceback."""
@@ -59,7 +59,7 @@ class Checkpoints:
             args=args.Composite(
                 state=args.StandardSave(_without_keys(state)),
                 rows=args.JsonSave(list(rows)),  # a copy, since the caller's list grows while this is written
-                config=args.JsonSave(config_record(self.config)),
+                config=args.JsonSave(config_to_dict(self.config)),
             ),
         )
 
@@ -91,7 +91,7 @@ class Checkpoints:
                     state=args.StandardRestore(form), rows=args.JsonRestore(), config=args.JsonRestore()
                 ),
             )
-            before = config_from_record(found.config, str(self.path))
+            before = config_from_dict(found.config, str(self.path))
         except Exception as error:  # whatever it is that reading damaged files meets
             reason = shorten(str(error) or type(error).__name__, 60, placeholder=" …")
             # What was left half read complains later still, whenever it is collected: the filter stays.

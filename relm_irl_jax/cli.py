@@ -15,6 +15,8 @@ from rich.console import Console
 from relm_irl_jax.config import Config, Method, Task, first_fault, load_config
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.pipeline import evaluate_run, run
+from relm_irl_jax.play.animation import play as play_run
+from relm_irl_jax.play.keyboard import any_task, draw_episode, play_in_terminal, task_of_run
 from relm_irl_jax.report.page import write_report
 from relm_irl_jax.report.tables import console_table
 from relm_irl_jax.runs import find_run, read_results
@@ -26,9 +28,7 @@ from relm_irl_jax.scenes.rooms import generate_room
 from relm_irl_jax.scenes.scene import ROOM_TYPES
 from relm_irl_jax.scenes.thor import ThorSettings, thor_scenes
 from relm_irl_jax.scenes.vizdoom import VizdoomSettings, vizdoom_maps
-from relm_irl_jax.stages.keyboard import any_task, draw_episode, play_in_terminal, task_of_run
-from relm_irl_jax.stages.playing import Walk
-from relm_irl_jax.stages.playing import play as play_run
+from relm_irl_jax.stages.episodes import AgentChoice, EpisodePath
 
 
 @dataclass(frozen=True)
@@ -199,8 +199,9 @@ def _dispatch(arguments: list[str]) -> None:
             _walk(command, console)
             return
         folder, config = find_run(command.run)
-        for path, walk in play_run(config, folder, command.method, command.task, command.seed, command.episode):
-            console.print(f"{path}: {_outcome(walk)}", highlight=False, soft_wrap=True)
+        choice = AgentChoice(command.method, command.task, command.seed)
+        for file, path in play_run(config, folder, choice, command.episode):
+            console.print(f"{file}: {_outcome(path)}", highlight=False, soft_wrap=True)
 
     @app.command
     def scenes(command: Annotated[Generated | Checked | Exported, tyro.conf.arg(name="")]) -> None:
@@ -230,9 +231,9 @@ def _walk(command: Play, console: Console) -> None:
     console.print(f"{scene.name}: {_outcome(walk)}", highlight=False, soft_wrap=True)
 
 
-def _outcome(walk: Walk) -> str:
-    steps = len(walk.states) - 1
-    return f"{'found after' if walk.success else 'not found in'} {steps} steps, shortest path {walk.shortest}"
+def _outcome(path: EpisodePath) -> str:
+    steps = len(path.states) - 1
+    return f"{'found after' if path.success else 'not found in'} {steps} steps, shortest path {path.shortest}"
 
 
 def _generate(command: Generate) -> None:

@@ -10,18 +10,16 @@ from typing import Any, Literal
 from pydantic import PositiveInt, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
-from relm_irl_jax.agent.settings import MetricSettings, RecordSettings, SiameseSettings
+from relm_irl_jax.agents.settings import LogSettings, MetricSettings, SiameseSettings
 from relm_irl_jax.cluster import ClusterSettings
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.features.encoder import EncoderSettings
-from relm_irl_jax.rewards.assemble import ManualSettings
-from relm_irl_jax.rewards.demonstrations import IrlSettings
-from relm_irl_jax.rewards.prediction import ElmSettings
+from relm_irl_jax.rewards.settings import ElmSettings, GoalSettings, IrlSettings, ManualSettings
 from relm_irl_jax.scenes.catalog import ROOMS, SceneSettings
 from relm_irl_jax.tasks import EvaluationSettings, TaskSettings
 
 Task = Literal["I", "II", "III"]
-Agent = Literal["siamese", "metric"]
+AgentName = Literal["siamese", "metric"]
 Method = Literal["random", "bc", "rl", "irl", "elm-irl", "relm-irl"]
 METHODS: tuple[Method, ...] = ("random", "bc", "rl", "irl", "elm-irl", "relm-irl")
 """Every method, in the order of the tables."""
@@ -29,7 +27,7 @@ METHODS: tuple[Method, ...] = ("random", "bc", "rl", "irl", "elm-irl", "relm-irl
 PAPER_METHODS: tuple[Method, ...] = ("random", "rl", "irl", "elm-irl", "relm-irl")
 """What `all` means: the methods of the paper."""
 
-NOT_TRAINED = ("task", "methods", "seeds", "run", "evaluation", "cluster", "record")
+NOT_TRAINED = ("task", "methods", "seeds", "run", "evaluation", "cluster", "log")
 """Fields that trained agents do not depend on; the others must agree for a run folder to be continued."""
 
 
@@ -61,7 +59,9 @@ class Config:
     """Demonstrations and inverse reinforcement learning."""
     elm: ElmSettings = ElmSettings()
     """Extreme learning machine."""
-    agent: Agent = "siamese"
+    goals: GoalSettings = GoalSettings()
+    """Targets after the fact (hindsight relabelling), for agents that learn from them."""
+    agent: AgentName = "siamese"
     """`siamese` for the paper's actor-critic, `metric` for the agent that learns distances between views."""
     siamese: SiameseSettings = SiameseSettings()
     """The paper's agent."""
@@ -69,7 +69,7 @@ class Config:
     """The metric agent."""
     evaluation: EvaluationSettings = EvaluationSettings()
     """Evaluation."""
-    record: RecordSettings = RecordSettings()
+    log: LogSettings = LogSettings()
     """Checkpoints and scalars of trainings that are under way."""
     cluster: ClusterSettings = ClusterSettings()
     """Other processes that share the siamese agent's training."""
@@ -83,19 +83,19 @@ class Config:
 _ADAPTER = TypeAdapter(Config)
 
 
-def config_record(config: Config) -> dict[str, Any]:
+def config_to_dict(config: Config) -> dict[str, Any]:
     """The configuration as plain values, ready for JSON.
 
     Args:
         config: the configuration.
 
     Returns:
-        Nested dictionaries; `config_from_record` reverses it.
+        Nested dictionaries; `config_from_dict` reverses it.
     """
     return _ADAPTER.dump_python(config, mode="json")
 
 
-def config_from_record(record: dict[str, Any], origin: str) -> Config:
+def config_from_dict(record: dict[str, Any], origin: str) -> Config:
     """Read a configuration from plain values; fields left out take their defaults.
 
     Args:
@@ -125,7 +125,7 @@ def overlay(config: Config, record: Mapping[str, Any], origin: str) -> Config:
     Raises:
         InputError: a field is unknown or its value is refused.
     """
-    whole = config_record(config)
+    whole = config_to_dict(config)
     _refuse_unknown(record, whole, origin, "")
     try:
         return _ADAPTER.validate_python(_merged(whole, record))
@@ -145,7 +145,7 @@ def load_config(path: Path) -> Config:
     Raises:
         InputError: the file cannot be read, or a field in it is unknown or refused.
     """
-    return config_from_record(read_record(path), str(path))
+    return config_from_dict(read_record(path), str(path))
 
 
 def read_record(path: Path) -> dict[str, Any]:
@@ -192,7 +192,7 @@ def trained_part(config: Config) -> dict[str, Any]:
     Returns:
         Flat dictionary from dotted field names to values.
     """
-    return {k: v for k, v in _flat(config_record(config), "").items() if k.split(".")[0] not in NOT_TRAINED}
+    return {k: v for k, v in _flat(config_to_dict(config), "").items() if k.split(".")[0] not in NOT_TRAINED}
 
 
 def fingerprint(config: Config) -> str:
