@@ -1,9 +1,12 @@
 """The configuration of a run: one frozen record, from defaults, a TOML file and the command line, in that order."""
 
+import difflib
 import hashlib
 import json
 import tomllib
 from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from functools import reduce
 from pathlib import Path
 from typing import Any, Literal
 
@@ -14,6 +17,7 @@ from relm_irl_jax.agent.settings import MetricSettings, RecordSettings, SiameseS
 from relm_irl_jax.cluster import ClusterSettings
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.features.encoder import EncoderSettings
+from relm_irl_jax.frames import Frames
 from relm_irl_jax.rewards.assemble import ManualSettings
 from relm_irl_jax.rewards.demonstrations import IrlSettings
 from relm_irl_jax.rewards.prediction import ElmSettings
@@ -45,7 +49,7 @@ class Config:
     """`rooms` for the built-in scenes, or a folder of HDF5 scene files."""
     seeds: PositiveInt = 1
     """Number of seeds: 0, 1, ...; each draws its own targets, demonstrations, networks and episodes."""
-    frames: PositiveInt = 5_000_000
+    frames: Frames = 5_000_000
     """Training frames for each method and seed."""
     run: Path | None = None
     """Run folder; by default one under `runs/`, named after the configuration."""
@@ -125,12 +129,10 @@ def overlay(config: Config, record: Mapping[str, Any], origin: str) -> Config:
     Raises:
         InputError: a field is unknown or its value is refused.
     """
-    whole = config_record(config)
-    _refuse_unknown(record, whole, origin, "")
     try:
-        return _ADAPTER.validate_python(_merged(whole, record))
+        return _ADAPTER.validate_python(_merged(config_record(config), record), extra="forbid")
     except ValidationError as error:
-        raise InputError(f"{origin}: {first_fault(error)}") from error
+        raise InputError(f"{origin}: {first_fault(error, config)}") from error
 
 
 def load_config(path: Path) -> Config:
@@ -162,25 +164,47 @@ def read_record(path: Path) -> dict[str, Any]:
     """
     try:
         text = path.read_text()
-        return json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
+        record = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); give an existing file.") from error
     except ValueError as error:
         raise InputError(f"{path}: is not valid {path.suffix.lstrip('.').upper()} ({error}); mend it.") from error
+    if not isinstance(record, dict):
+        raise InputError(f"{path}: must hold an object of fields; give the configuration of a run.")
+    return record
 
 
-def first_fault(error: ValidationError) -> str:
-    """One sentence on the first refused field.
+def first_fault(error: ValidationError, settings: Any = None) -> str:
+    """One sentence on the first refused field; unknown fields come first.
 
     Args:
         error: what the validation found.
+        settings: settings with the fields that are known, to suggest some of them in the place of an unknown one.
 
     Returns:
         Field, value and reason.
     """
-    fault = error.errors(include_url=False)[0]
-    field = ".".join(str(part) for part in fault["loc"])
+    faults = error.errors(include_url=False)
+    fault = next((fault for fault in faults if fault["type"] == "unexpected_keyword_argument"), faults[0])
+    path = tuple(str(part) for part in fault["loc"])
+    field = ".".join(path)
+    if fault["type"] == "unexpected_keyword_argument":
+        return f"unknown field `{field}`{_suggestion(path, settings)}."
+    if fault["type"] == "dataclass_type":
+        return f"`{field}` is a group of fields; write `{field}.FIELD`."
     return f"{field} = {fault['input']!r} is refused: {fault['msg'][:1].lower()}{fault['msg'][1:]}."
+
+
+def _suggestion(path: tuple[str, ...], settings: Any) -> str:
+    """What to write in the place of an unknown field: the nearest field of its group, or one of all of them."""
+    group = reduce(lambda group, name: getattr(group, name, None), path[:-1], settings)
+    if not is_dataclass(group):
+        return ""
+    known = [field.name for field in fields(group)]
+    nearest = difflib.get_close_matches(path[-1], known, n=1)
+    return (
+        f"; did you mean `{'.'.join((*path[:-1], *nearest))}`?" if nearest else f"; known here are {', '.join(known)}"
+    )
 
 
 def trained_part(config: Config) -> dict[str, Any]:
@@ -215,15 +239,10 @@ def _flat(record: dict[str, Any], prefix: str) -> dict[str, Any]:
 
 
 def _merged(whole: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, Any]:
-    groups = {key: _merged(whole[key], value) for key, value in change.items() if isinstance(whole[key], Mapping)}
-    return {**whole, **change, **groups}
+    """Lay changes over nested dictionaries; a field that is not there is added, for the validation to refuse."""
 
+    def merged(key: str, value: Any) -> Any:
+        old = whole.get(key)
+        return _merged(old, value) if isinstance(old, Mapping) and isinstance(value, Mapping) else value
 
-def _refuse_unknown(record: Mapping[str, Any], known: dict[str, Any], origin: str, prefix: str) -> None:
-    for key, value in record.items():
-        if key not in known:
-            raise InputError(f"{origin}: unknown field `{prefix}{key}`; known here are {', '.join(known)}.")
-        if isinstance(known[key], dict):
-            if not isinstance(value, Mapping):
-                raise InputError(f"{origin}: `{prefix}{key}` is a group of fields; write `{prefix}{key}.FIELD`.")
-            _refuse_unknown(value, known[key], origin, f"{prefix}{key}.")
+    return {**whole, **{key: merged(key, value) for key, value in change.items()}}
