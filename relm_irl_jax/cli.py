@@ -12,8 +12,9 @@ from pydantic import NonNegativeInt, PositiveInt, ValidationError
 from pydantic.dataclasses import dataclass
 from rich.console import Console
 
-from relm_irl_jax.config import Config, Method, Task, first_fault, load_config
-from relm_irl_jax.errors import InputError
+from relm_irl_jax import __version__
+from relm_irl_jax.config import Config, Method, Task, load_config
+from relm_irl_jax.errors import InputError, first_fault
 from relm_irl_jax.pipeline import evaluate_run, run
 from relm_irl_jax.play.animation import play as play_run
 from relm_irl_jax.play.keyboard import any_task, draw_episode, play_in_terminal, task_of_run
@@ -140,14 +141,20 @@ Exported = Annotated[Export, tyro.conf.subcommand("export", prefix_name=False)]
 
 @dataclass(frozen=True)
 class Bench:
-    """Measure speed on this machine; tables, figures and numbers are kept under `runs/bench`."""
+    """Measure speed on this machine."""
 
     name: tyro.conf.Positional[Literal["agent", "scaling", "elm", "irl", "encoder"]]
     """What to measure."""
+    out: Path = Path("runs/bench")
+    """Folder in which each benchmark has one of its own, for its table, figure and numbers; that of the encoder is only
+    printed."""
 
 
 def main() -> None:
     """Run the command; exit with code 2 and one sentence where the input cannot be used."""
+    if sys.argv[1:] == ["--version"]:
+        print(f"relm-irl-jax {__version__}")
+        return
     try:
         _dispatch(sys.argv[1:])
     except InputError as error:
@@ -216,9 +223,13 @@ def _dispatch(arguments: list[str]) -> None:
     @app.command
     def bench(command: Annotated[Bench, tyro.conf.arg(name="")]) -> None:
         """Measure speed on this machine."""
-        import_module(f"relm_irl_jax.benchmarks.{command.name}").main()
+        _bench(command)
 
-    app.cli(args=arguments, prog="relm-irl", description="Target-driven visual navigation with learned rewards.")
+    app.cli(
+        args=arguments,
+        prog="relm-irl",
+        description="Target-driven visual navigation with learned rewards. `relm-irl --version` prints the version.",
+    )
 
 
 def _walk(command: Play, console: Console) -> None:
@@ -262,6 +273,11 @@ def _check(command: Check) -> None:
     faults = [fault for record in checked for fault in record.faults]
     if faults:
         raise InputError("\n".join(faults))
+
+
+def _bench(command: Bench) -> None:
+    benchmark = import_module(f"relm_irl_jax.benchmarks.{command.name}")
+    benchmark.main(*(() if command.name == "encoder" else (command.out / command.name,)))
 
 
 def _default_config(arguments: list[str]) -> tuple[Config, list[str]]:

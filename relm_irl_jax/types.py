@@ -51,6 +51,7 @@ class Observation:
     collided: Bool[Array, "scenes batch"]
 
 
+@runtime_checkable
 class Policy(Protocol):
     """A trained agent, ready to act in the scenes and towards the targets that it was made for; a tree of arrays."""
 
@@ -142,6 +143,7 @@ class TrainingLog:
         """
 
 
+@runtime_checkable
 class Agent(Protocol):
     """Something that learns: settings, and two functions."""
 

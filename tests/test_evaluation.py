@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from builders import grid_scene
 from jaxtyping import Array
-
 from relm_irl_jax.agent.siamese.frames import tabulate
 from relm_irl_jax.agent.siamese.network import SiameseActorCritic
+
 from relm_irl_jax.evaluation import Episodes, NetworkPolicy, RandomPolicy, evaluate, metrics, network_policy
 from relm_irl_jax.experts import shortest_path_expert
 from relm_irl_jax.tasks import Target

@@ -14,12 +14,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from builders import grid_scene
+from relm_irl_jax.stages.keyboard import any_task, draw_episode, half_blocks, play_in_terminal, split_keys, walk_by_keys
 from rich.console import Console
 
 from relm_irl_jax.config import Config
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.stages import keyboard
-from relm_irl_jax.stages.keyboard import any_task, draw_episode, half_blocks, play_in_terminal, split_keys, walk_by_keys
 
 UP, RIGHT, DOWN = "\x1b[A", "\x1b[C", "\x1b[B"
 

@@ -3,7 +3,6 @@
 import json
 
 from command import EXPERIMENT, QUICK, in_process
-
 from relm_irl_jax.runs import read_table
 
 

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from command import EXPERIMENT, QUICK, in_process, relm_irl
 from PIL import Image, ImageSequence
-
 from relm_irl_jax.runs import load_parameters, read_table
 from relm_irl_jax.stages.playing import FRAME_MILLISECONDS
 

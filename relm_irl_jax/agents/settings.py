@@ -9,6 +9,8 @@ from typing import Annotated, Literal
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 from pydantic.dataclasses import dataclass
 
+from relm_irl_jax.frames import Frames
+
 Discount = Annotated[float, Field(gt=0, lt=1)]
 
 
@@ -45,7 +47,7 @@ class SiameseSettings:
     by itself; the `sum` moves as far when all workers update at once. Adam does not depend on the scale."""
     learning_rate: PositiveFloat = 1e-3
     """Step size."""
-    decay_frames: PositiveInt | None = None
+    decay_frames: Frames | None = None
     """Frames over which the step size falls linearly to 0; None for a constant one."""
     gradient_clip: PositiveFloat = 40.0
     """Largest global norm of a gradient; for each worker, where gradients are summed."""

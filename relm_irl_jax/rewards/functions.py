@@ -5,7 +5,7 @@ the absorbing target is paid for entering it and nothing after, so that a return
 """
 
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import jax
 import jax.numpy as jnp
@@ -17,6 +17,7 @@ from relm_irl_jax.rewards.settings import ManualSettings
 from relm_irl_jax.world import Targets, World
 
 
+@runtime_checkable
 class RewardFunction(Protocol):
     """What the rollout needs of a reward; a tree of arrays."""
 
