@@ -49,8 +49,8 @@ lint: $(STAMP)  ## Style and types.
 bench: $(STAMP)  ## Benchmarks: BENCH=agent|scaling|elm|irl|encoder.
 	@$(BIN)/relm-irl bench $(BENCH) $(ARGS)
 
-paper: $(STAMP)  ## Every table and figure: PIECE=siamese|metric|metric-open|...|ablation|report VARIANT= QUICK=1.
-	@$(KEPT) $(BIN)/python experiments/paper.py $(if $(PIECE),--pieces $(PIECE)) $(if $(VARIANT),--variants $(VARIANT)) $(if $(QUICK),--quick) $(ARGS)
+paper: $(STAMP)  ## Every table and figure: PIECE=siamese|metric|metric-open|...|ablation|report VARIANT= QUICK=1 JOBS=.
+	@$(KEPT) $(BIN)/python experiments/paper.py $(if $(PIECE),--pieces $(PIECE)) $(if $(VARIANT),--variants $(VARIANT)) $(if $(QUICK),--quick) $(if $(JOBS),--jobs $(JOBS)) $(ARGS)
 
 notebooks: $(STAMP)  ## Run the notebooks of experiments/notebooks.
 	@$(KEPT) $(BIN)/python -m pytest --nbmake --nbmake-timeout=300 -n0 -p no:cacheprovider experiments/notebooks

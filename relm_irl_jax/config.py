@@ -12,15 +12,15 @@ from pydantic.dataclasses import dataclass
 
 from relm_irl_jax.agent.settings import MetricSettings, RecordSettings, SiameseSettings
 from relm_irl_jax.cluster import ClusterSettings
-from relm_irl_jax.errors import InputError
+from relm_irl_jax.errors import InputError, first_fault
 from relm_irl_jax.features.encoder import EncoderSettings
+from relm_irl_jax.results import Task
 from relm_irl_jax.rewards.assemble import ManualSettings
 from relm_irl_jax.rewards.demonstrations import IrlSettings
 from relm_irl_jax.rewards.prediction import ElmSettings
 from relm_irl_jax.scenes.catalog import ROOMS, SceneSettings
 from relm_irl_jax.tasks import EvaluationSettings, TaskSettings
 
-Task = Literal["I", "II", "III"]
 Agent = Literal["siamese", "metric"]
 Method = Literal["random", "bc", "rl", "irl", "elm-irl", "relm-irl"]
 METHODS: tuple[Method, ...] = ("random", "bc", "rl", "irl", "elm-irl", "relm-irl")
@@ -167,20 +167,6 @@ def read_record(path: Path) -> dict[str, Any]:
         raise InputError(f"{path}: cannot be read ({error.strerror}); give an existing file.") from error
     except ValueError as error:
         raise InputError(f"{path}: is not valid {path.suffix.lstrip('.').upper()} ({error}); mend it.") from error
-
-
-def first_fault(error: ValidationError) -> str:
-    """One sentence on the first refused field.
-
-    Args:
-        error: what the validation found.
-
-    Returns:
-        Field, value and reason.
-    """
-    fault = error.errors(include_url=False)[0]
-    field = ".".join(str(part) for part in fault["loc"])
-    return f"{field} = {fault['input']!r} is refused: {fault['msg'][:1].lower()}{fault['msg'][1:]}."
 
 
 def trained_part(config: Config) -> dict[str, Any]:

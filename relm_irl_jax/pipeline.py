@@ -3,24 +3,21 @@
 A stage whose result lies in the run folder is not run again.
 """
 
-import json
-import time
 from collections.abc import Callable, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
-from pathlib import Path
 
 from relm_irl_jax.cluster import join
-from relm_irl_jax.config import Config, Method, Task
+from relm_irl_jax.config import METHODS, Config, Method, Task
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.report.page import machine, write_report
-from relm_irl_jax.runs import RunFolder, open_run, write_json
+from relm_irl_jax.hardware import Stopwatch
+from relm_irl_jax.report.run_report import write_report
+from relm_irl_jax.run_config import open_run
+from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.scenes.catalog import check_source
 from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.stages.encoding import EncodedScenes, encode_training
 from relm_irl_jax.stages.evaluating import evaluate_task
 from relm_irl_jax.stages.learning import LearnedRewards, keep_rewards, learn
-from relm_irl_jax.stages.playing import map_episodes
+from relm_irl_jax.stages.playing import keep_episodes
 from relm_irl_jax.stages.training import train_method, train_together, trains_together
 from relm_irl_jax.tasks import TaskSplit, draw_split
 
@@ -29,26 +26,6 @@ LEARNED: tuple[Method, ...] = ("irl", "elm-irl", "relm-irl")
 
 Learner = Callable[[Config, Sequence[Scene], TaskSplit, int], LearnedRewards]
 """Learns the rewards of a configuration from encoded training scenes, the targets of all tasks, and a seed."""
-
-
-@dataclass(frozen=True)
-class Stopwatch:
-    """Seconds that each stage took, in all calls together, kept in the run folder with the machine.
-
-    Attributes:
-        path: the file, `machine.json`.
-    """
-
-    path: Path
-
-    @contextmanager
-    def __call__(self, stage: str):
-        """Time a block under the name of a stage."""
-        begun = time.perf_counter()
-        yield
-        before = json.loads(self.path.read_text())["seconds"] if self.path.exists() else {}
-        passed = round(before.get(stage, 0.0) + time.perf_counter() - begun, 2)
-        write_json(self.path, machine() | {"seconds": before | {stage: passed}})
 
 
 def run(
@@ -66,7 +43,7 @@ def run(
         tasks: tasks to evaluate; the configuration's where empty.
         encoded: the training scenes, where they are encoded already.
         learner: learns rewards; runs that share them can be given one that remembers.
-        maps: whether to draw episodes and rewards from above.
+        maps: whether to save maps of episodes and rewards for the report.
 
     Returns:
         The run folder.
@@ -83,7 +60,7 @@ def run(
             "siamese.heads: scene leaves the unseen scenes of task III without a head; use room_type or shared."
         )
     folder = open_run(config)
-    stopwatch = Stopwatch(folder.file("machine.json"))
+    stopwatch = Stopwatch(folder.hardware)
     if encoded is None:
         with stopwatch("scenes and features"):
             encoded = encode_training(config)
@@ -108,15 +85,16 @@ def run(
     for task in tasks or (config.task,):
         with stopwatch("evaluation"):
             _evaluate(config, folder, encoded, task, maps=maps)
-    write_report(folder, config)
+    write_report(folder)
     return folder
 
 
 def _evaluate(config: Config, folder: RunFolder, encoded: EncodedScenes, task: Task, *, maps: bool = True) -> None:
-    """Evaluate the agents and map episodes of the last method, which is the paper's where it was trained."""
-    rows = evaluate_task(config, folder, encoded, task)["rows"]
+    """Evaluate the agents and save episodes of the last method, which is the paper's where it was trained."""
+    results = evaluate_task(config, folder, encoded, task)
     if maps:
-        map_episodes(config, folder, encoded, rows[-1]["method"], task)
+        evaluated = {row.method for row in results.rows}
+        keep_episodes(config, folder, encoded, [m for m in METHODS if m in evaluated][-1], task)
 
 
 def evaluate_run(config: Config, folder: RunFolder, task: Task) -> None:
@@ -128,4 +106,4 @@ def evaluate_run(config: Config, folder: RunFolder, task: Task) -> None:
         task: `I`, `II` or `III`.
     """
     _evaluate(config, folder, encode_training(config), task)
-    write_report(folder, config)
+    write_report(folder)

@@ -11,7 +11,7 @@ import pytest
 from relm_irl_jax.agent.learning import TrainingRecord
 from relm_irl_jax.agent.settings import RecordSettings
 from relm_irl_jax.config import Config
-from relm_irl_jax.runs import RunFolder
+from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.stages.recording import FolderRecord
 
 EVERY_CHUNK = Config(record=RecordSettings(checkpoint_minutes=0))

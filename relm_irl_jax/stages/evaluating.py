@@ -7,14 +7,14 @@ import numpy as np
 
 from relm_irl_jax.agent.metric.network import distance, metric_network
 from relm_irl_jax.agent.siamese.train import network_of
-from relm_irl_jax.config import METHODS, Config, Method
+from relm_irl_jax.config import METHODS, Config, Method, Task
 from relm_irl_jax.elm import load_elm
 from relm_irl_jax.evaluation import MetricPolicy, Policy, RandomPolicy, evaluate, metric_policy, metrics, network_policy
+from relm_irl_jax.parameters import load_parameters
 from relm_irl_jax.progress import progress_bar
-from relm_irl_jax.report.figures import save_figure
-from relm_irl_jax.report.maps import distance_maps, map_table
-from relm_irl_jax.report.tables import METHOD_NAMES
-from relm_irl_jax.runs import RunFolder, load_parameters, write_json
+from relm_irl_jax.results import ResultRow, Results, save_results
+from relm_irl_jax.run_folder import RunFolder
+from relm_irl_jax.saved_maps import SHORTEST_PATH, ScenePoses, StateMap
 from relm_irl_jax.scenes.scene import first_of_each_type
 from relm_irl_jax.stages.encoding import EncodedScenes
 from relm_irl_jax.stages.ground import Ground, ground_of, sighted
@@ -49,7 +49,7 @@ def policy_of(config: Config, folder: RunFolder, method: Method, seed: int, grou
     return network_policy(network_of(config.siamese, ground.n_heads), parameters, world, targets, greedy=greedy)
 
 
-def evaluate_task(config: Config, folder: RunFolder, training: EncodedScenes, task: str) -> dict:
+def evaluate_task(config: Config, folder: RunFolder, training: EncodedScenes, task: Task) -> Results:
     """Evaluate every trained agent of the run on a task.
 
     Args:
@@ -59,7 +59,7 @@ def evaluate_task(config: Config, folder: RunFolder, training: EncodedScenes, ta
         task: `I`, `II` or `III`.
 
     Returns:
-        The contents of `results.json`, which is written.
+        The metrics, which are written to the run folder.
     """
     grounds = [ground_of(config, training, task, seed) for seed in range(config.seeds)]
     rows, learned = [], {}
@@ -80,37 +80,36 @@ def evaluate_task(config: Config, folder: RunFolder, training: EncodedScenes, ta
             for number, scene in enumerate(ground.scenes):
                 measured = metrics(episodes, number)
                 rows.append(
-                    {
-                        "method": method,
-                        "scene": scene.name,
-                        "room_type": scene.room_type,
-                        "seed": seed,
-                        "episodes": measured.episodes,
-                        "sr": measured.success_rate,
-                        "ple": measured.path_length_error,
-                        "spl": measured.spl,
-                    }
+                    ResultRow(
+                        method=method,
+                        agent=config.agent,
+                        scene=scene.name,
+                        room_type=scene.room_type,
+                        seed=seed,
+                        episodes=measured.episodes,
+                        sr=measured.success_rate,
+                        ple=measured.path_length_error,
+                        spl=measured.spl,
+                    )
                 )
             advance(1)
     if learned:
-        _map_distances(folder, task, grounds[0], learned)
-    results = {"task": task, "cap": config.tasks.cap, "encoder": training.encoder_name, "rows": rows}
-    write_json(folder.file(f"results-{task}.json"), results)
-    write_json(folder.file("results.json"), results)
+        _save_distance_maps(folder, task, grounds[0], learned)
+    results = Results(task, config.tasks.cap, training.encoder_name, tuple(rows))
+    save_results(folder, results)
     return results
 
 
-def _map_distances(folder: RunFolder, task: str, ground: Ground, learned: Mapping[Method, MetricPolicy]) -> None:
-    """Map true and learned distances to the first target of the first room of each type."""
+def _save_distance_maps(folder: RunFolder, task: str, ground: Ground, learned: Mapping[Method, MetricPolicy]) -> None:
+    """Save true and learned distances to the first target of the first room of each type."""
     scenes, targets, offsets = ground.scenes, ground.targets, scene_offsets(ground.scenes)
     for number in first_of_each_type(scenes).values():
         scene, row = scenes[number], int(np.flatnonzero(np.asarray(targets.scene) == number)[0])
         target = int(targets.state[row]) - offsets[number]
-        maps = {"Shortest path": scene.shortest_path_distance[:, target].astype(float)}
+        maps = {SHORTEST_PATH: scene.shortest_path_distance[:, target].astype(float)}
         own = slice(offsets[number], offsets[number] + scene.n_states)
         for method, policy in learned.items():
-            maps[METHOD_NAMES[method]] = np.asarray(
-                distance(policy.places.here[own], policy.wanted[row], policy.settings), float
-            )
-        path = folder.file("figures", f"distance-{task}-{scene.room_type}.png")
-        save_figure(distance_maps(scene, target, maps), path, map_table(scene, maps))
+            maps[method] = np.asarray(distance(policy.places.here[own], policy.wanted[row], policy.settings), float)
+        category = ground.chosen[row].category
+        saved = StateMap(ScenePoses.of(scene), seed=0, target=target, category=category, values=maps)
+        saved.save(folder.distance_map(task, scene.room_type))

@@ -8,16 +8,16 @@ import numpy as np
 
 from relm_irl_jax.config import Config, Method
 from relm_irl_jax.elm import ELMRegressor, save_elm
+from relm_irl_jax.files import load_arrays, save_arrays, write_table
 from relm_irl_jax.irl import reward
-from relm_irl_jax.report.figures import save_figure
-from relm_irl_jax.report.maps import map_table, reward_maps
-from relm_irl_jax.report.tables import METHOD_NAMES
+from relm_irl_jax.results import RewardQualityRow, TargetGroup, save_reward_quality
 from relm_irl_jax.rewards.demonstrations import DemonstratedReward, RewardBasis, fit_basis, learn_rewards
 from relm_irl_jax.rewards.prediction import fit_machine, pair_data, pair_inputs
-from relm_irl_jax.rewards.quality import judge, judge_predictions
-from relm_irl_jax.runs import RunFolder, load_arrays, save_arrays, write_table
+from relm_irl_jax.rewards.quality import RewardQuality, judge, judge_predictions
+from relm_irl_jax.run_folder import RunFolder
+from relm_irl_jax.saved_maps import ScenePoses, StateMap
 from relm_irl_jax.scenes.scene import Scene, first_of_each_type
-from relm_irl_jax.tasks import TaskSplit
+from relm_irl_jax.tasks import Target, TaskSplit
 
 PREDICTED: tuple[Method, ...] = ("elm-irl", "relm-irl")
 """Methods whose reward a machine predicts."""
@@ -104,7 +104,7 @@ def keep_rewards(
         learned: the learned rewards.
         seed: the run's seed.
         folder: the run folder.
-        maps: whether to draw rewards over rooms, for the first seed.
+        maps: whether to save maps of rewards over rooms, for the first seed.
     """
     basis, records = learned.basis, learned.records
     save_arrays(
@@ -127,7 +127,7 @@ def keep_rewards(
         write_table(folder.rewards(seed, "press.csv"), curve)
     _judge_rewards(scenes, split, learned, seed, folder)
     if maps and seed == 0:
-        _map_rewards(scenes, split, learned, folder)
+        _save_reward_maps(scenes, split, learned, folder)
 
 
 def load_basis(path: Path) -> RewardBasis:
@@ -146,8 +146,8 @@ def load_basis(path: Path) -> RewardBasis:
     return RewardBasis(arrays["mean"], arrays["components"])
 
 
-def _map_rewards(scenes: Sequence[Scene], split: TaskSplit, learned: LearnedRewards, folder: RunFolder) -> None:
-    """Map r(s) of every learned reward over one room of each type, for a trained and for a new target."""
+def _save_reward_maps(scenes: Sequence[Scene], split: TaskSplit, learned: LearnedRewards, folder: RunFolder) -> None:
+    """Save r(s) of every learned reward over one room of each type, for a trained and for a new target."""
     demonstrated = {record.target: record.solution.w for record in learned.records if record.trained}
     for room_type, number in first_of_each_type(scenes).items():
         scene = scenes[number]
@@ -155,36 +155,49 @@ def _map_rewards(scenes: Sequence[Scene], split: TaskSplit, learned: LearnedRewa
             target = next(target for target in targets if target.scene == number)
             start = int(scene.shortest_path_distance[:, target.state].argmax())
             pair = pair_inputs(scene.encoded[[start]], scene.encoded[[target.state]])
-            weights = {"IRL": demonstrated[target]} if target in demonstrated else {}
-            weights |= {METHOD_NAMES[m]: machine_.predict(pair)[0] for m, machine_ in learned.machines.items()}
+            weights = {"irl": demonstrated[target]} if target in demonstrated else {}
+            weights |= {method: machine_.predict(pair)[0] for method, machine_ in learned.machines.items()}
             phi = learned.basis(scene.encoded)
-            values = {title: reward(phi, target.state, w) for title, w in weights.items()}
-            path = folder.file("figures", f"reward-{name}-{room_type}.png")
-            save_figure(reward_maps(scene, target.state, start, values), path, map_table(scene, values))
+            StateMap(
+                ScenePoses.of(scene),
+                seed=0,
+                target=target.state,
+                category=target.category,
+                values={method: reward(phi, target.state, w) for method, w in weights.items()},
+                start=start,
+                limits=(-1.0, 0.0),
+            ).save(folder.reward_map(name, room_type))
 
 
 def _judge_rewards(
     scenes: Sequence[Scene], split: TaskSplit, learned: LearnedRewards, seed: int, folder: RunFolder
 ) -> None:
     """Write rank and order of every method's reward, on trained and on new targets."""
-    judged = {
+    judged: dict[tuple[Method, TargetGroup], list[RewardQuality]] = {
         ("irl", "trained"): [
             judge(scenes[record.target.scene], record.target.state, learned.basis, record.solution.w)
             for record in learned.records
             if record.trained
         ]
     }
-    groups = {"trained": split.training, "new": split.new, "uniform": split.uniform}
+    groups: dict[TargetGroup, Sequence[Target]] = {
+        "trained": split.training,
+        "new": split.new,
+        "uniform": split.uniform,
+    }
     for method, machine_ in learned.machines.items():
         for name, targets in groups.items():
             generator = np.random.default_rng([seed, 3])
             predict = lambda first, wanted, m=machine_: m.predict(pair_inputs(first, wanted))  # noqa: E731
             judged[method, name] = judge_predictions(scenes, targets, learned.basis, predict, generator)
-    table = {"method": [], "targets": [], "median_rank": [], "median_rank_share": [], "mean_order": []}
-    for (method, name), judgements in judged.items():
-        table["method"].append(method)
-        table["targets"].append(name)
-        table["median_rank"].append(np.median([j.rank for j in judgements]))
-        table["median_rank_share"].append(round(np.median([j.rank / j.states for j in judgements]), 4))
-        table["mean_order"].append(round(float(np.nanmean([j.order for j in judgements])), 4))
-    write_table(folder.rewards(seed, "quality.csv"), table)
+    rows = [
+        RewardQualityRow(
+            method=method,
+            targets=name,
+            median_rank=float(np.median([j.rank for j in judgements])),
+            median_rank_share=round(float(np.median([j.rank / j.states for j in judgements])), 4),
+            mean_order=round(float(np.nanmean([j.order for j in judgements])), 4),
+        )
+        for (method, name), judgements in judged.items()
+    ]
+    save_reward_quality(folder.rewards(seed, "quality.csv"), rows)

@@ -14,11 +14,12 @@ from relm_irl_jax.config import Config, Method
 from relm_irl_jax.env import Episode, scene_lanes
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.evaluation import Policy
+from relm_irl_jax.experts import shortest_path_expert
+from relm_irl_jax.experts import walk as expert_walk
+from relm_irl_jax.files import whole_file
 from relm_irl_jax.progress import progress_bar
-from relm_irl_jax.report.episodes import episode_maps, episode_table
-from relm_irl_jax.report.figures import save_figure
-from relm_irl_jax.report.tables import METHOD_NAMES
-from relm_irl_jax.runs import RunFolder
+from relm_irl_jax.run_folder import RunFolder
+from relm_irl_jax.saved_maps import SavedEpisode, ScenePoses, save_episodes
 from relm_irl_jax.scenes.catalog import training_scenes, unseen_scenes
 from relm_irl_jax.scenes.scene import GRID_STEP, Scene
 from relm_irl_jax.stages.encoding import EncodedScenes, encode_training
@@ -75,17 +76,17 @@ def play(
     walks = walks_of(config, folder, encode_training(config), method, task, seed, episode)
     with progress_bar("drawing episodes", len(walks), "scenes") as advance:
         for scene, walk in walks:
-            path = folder.file("episodes", f"{method}-{task}-{scene.name}-{episode}.gif")
+            path = folder.film(method, task, scene.name, episode)
             write_gif(path, scene, walk)
             played.append((path, walk))
             advance(1)
     return played
 
 
-def map_episodes(
+def keep_episodes(
     config: Config, folder: RunFolder, training: EncodedScenes, method: Method, task: str, seed: int = 0
 ) -> None:
-    """Draw the first episode in one scene of each room type, as a figure of the run folder.
+    """Save the first episode in one scene of each room type, for the report.
 
     Args:
         config: the configuration as run.
@@ -95,13 +96,23 @@ def map_episodes(
         task: `I`, `II` or `III`.
         seed: which seed's agent.
     """
-    first = {}
-    for scene, walk in walks_of(config, folder, training, method, task, seed, 0):
-        first.setdefault(scene.room_type, (scene, walk.states, walk.target))
-    title = f"{METHOD_NAMES[method]}, Task {task}: first episodes"
-    episodes = list(first.values())
-    path = folder.file("figures", f"episodes-{task}.png")
-    save_figure(episode_maps(episodes, title), path, episode_table(episodes))
+    first: dict[str, SavedEpisode] = {}
+    chosen = ground_of(config, training, task, seed).chosen
+    for number, (scene, walk) in enumerate(walks_of(config, folder, training, method, task, seed, 0)):
+        if scene.room_type in first:
+            continue
+        category = next(t.category for t in chosen if (t.scene, t.state) == (number, walk.target))
+        first[scene.room_type] = SavedEpisode(
+            ScenePoses.of(scene),
+            method=method,
+            seed=seed,
+            target=walk.target,
+            category=category,
+            path=walk.states,
+            shortest_path=expert_walk(scene, shortest_path_expert(scene, walk.target), int(walk.states[0])).states,
+            target_view=scene.views[walk.target],
+        )
+    save_episodes(folder.episodes(task), list(first.values()))
 
 
 def walks_of(
@@ -186,7 +197,8 @@ def write_gif(path: Path, scene: Scene, walk: Walk) -> None:
         for step, state in enumerate(walk.states)
     ]
     durations = [FRAME_MILLISECONDS] * (len(frames) - 1) + [4 * FRAME_MILLISECONDS]
-    frames[0].save(path, save_all=True, append_images=frames[1:], duration=durations, loop=0)
+    with whole_file(path) as temporary:
+        frames[0].save(temporary, "GIF", save_all=True, append_images=frames[1:], duration=durations, loop=0)
 
 
 def draw_map(scene: Scene, walk: Walk, step: int, size: int) -> UInt8[np.ndarray, "size size 3"]:

@@ -17,7 +17,7 @@ from relm_irl_jax.checkpoints import Checkpoints
 from relm_irl_jax.config import Config
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.progress import console
-from relm_irl_jax.runs import RunFolder
+from relm_irl_jax.run_folder import RunFolder
 
 FLUSH_SECONDS = 10
 """TensorBoard's scalars are on disk after this many seconds."""

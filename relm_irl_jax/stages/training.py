@@ -13,12 +13,14 @@ from relm_irl_jax.agent.siamese.cloning import CloningCurve, Decisions, clone, d
 from relm_irl_jax.agent.siamese.seeds import train_seeds
 from relm_irl_jax.agent.siamese.train import train
 from relm_irl_jax.config import Config, Method
+from relm_irl_jax.files import write_table
+from relm_irl_jax.parameters import save_parameters
 from relm_irl_jax.progress import progress_bar
 from relm_irl_jax.rewards.assemble import demonstrated_reward, manual_reward, predicted_reward
 from relm_irl_jax.rewards.demonstrations import demonstrations_of
 from relm_irl_jax.rewards.goals import demonstrated_goals, manual_goals, predicted_goals
 from relm_irl_jax.rewards.model import RewardModel
-from relm_irl_jax.runs import RunFolder, save_parameters, write_table
+from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.stages.ground import head_numbers, sighted, world_of
 from relm_irl_jax.stages.learning import LearnedRewards

@@ -4,10 +4,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from relm_irl_jax.runs import RunFolder, write_json, write_table
 
 from relm_irl_jax.config import Config, config_record, read_record
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.runs import RunFolder, write_json, write_table
 from relm_irl_jax.studies.ablation import (
     BASE,
     Ablation,
