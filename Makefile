@@ -21,6 +21,7 @@ BENCH   ?=  ## Some of agent, scaling, elm, irl, encoder; all by default.
 PIECE   ?=  ## Pieces of the paper: siamese, metric, ablation, report, ...; all by default.
 VARIANT ?=  ## Variants of the ablation; all by default.
 QUICK   ?=  ## 1 for tiny rooms, few frames and seeds: whether everything runs, not what it finds.
+JOBS    ?=  ## Runs of a study at a time; 1 by default.
 ARGS    ?=  ## More options of the command, as in ARGS="--siamese.width 256"; for tests, of pytest.
 
 .PHONY: help setup train evaluate report play test slow smoke lint bench paper notebooks lock clean
@@ -79,9 +80,9 @@ bench: $(STAMP)  ## Measure speed on this machine. [BENCH RUN ARGS]
 	@for name in $(or $(call several,BENCH),agent scaling elm irl encoder); do \
 	  $(BIN)/relm-irl bench $$name $(call option,out,RUN) $(ARGS) || exit; done
 
-paper: $(STAMP)  ## Make every table and figure of the paper. [PIECE VARIANT QUICK RUN ARGS]
+paper: $(STAMP)  ## Make every table and figure of the paper. [PIECE VARIANT QUICK JOBS RUN ARGS]
 	@$(KEPT) $(BIN)/python experiments/paper.py $(call options,pieces,PIECE) $(call options,variants,VARIANT) \
-	  $(if $(filter-out 0 no false,$(QUICK)),--quick) $(call option,out,RUN) $(ARGS)
+	  $(if $(filter-out 0 no false,$(QUICK)),--quick) $(call option,out,RUN) $(call option,jobs,JOBS) $(ARGS)
 
 notebooks: $(STAMP)  ## Run the notebooks of experiments/notebooks. [ARGS]
 	@$(KEPT) $(BIN)/python -m pytest --nbmake --nbmake-timeout=300 -n0 -p no:cacheprovider $(ARGS) experiments/notebooks

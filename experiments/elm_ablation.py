@@ -2,7 +2,7 @@
 
     .venv/bin/python experiments/elm_ablation.py --out runs/elm-ablation
 
-One target in six is held out with all its pairs, so that accuracy is measured on targets that the machine never saw.
+One target in six is held out with all its pairs, so that accuracy is measured on targets that the regressor never saw.
 Everything drawn is kept as CSV beside the figure; bars are 95% intervals over seeds (Student's t).
 """
 
@@ -14,9 +14,11 @@ from pathlib import Path
 import numpy as np
 import tyro
 from matplotlib.figure import Figure
+from relm_irl_jax.rewards.prediction import PairData, pair_data
+from relm_irl_jax.stages.learning import learn_demonstrated
 from rich.console import Console
 
-from relm_irl_jax.config import Config, config_from_record, config_record
+from relm_irl_jax.config import Config, config_from_dict, config_to_dict
 from relm_irl_jax.elm.ablation import (
     PAPER_SIZES,
     accuracy_by_choice,
@@ -25,14 +27,11 @@ from relm_irl_jax.elm.ablation import (
     leave_one_out_curve,
 )
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.report.curves import thousands
-from relm_irl_jax.report.figures import press_columns, press_figure, save_figure
-from relm_irl_jax.report.tables import summarise
-from relm_irl_jax.rewards.prediction import PairData, pair_data
-from relm_irl_jax.runs import read_table, write_json, write_table
+from relm_irl_jax.files import read_numbers, read_table, write_json, write_table
+from relm_irl_jax.report.figures import load_press_curve, press_columns, press_figure, save_figure
+from relm_irl_jax.report.intervals import mean_interval, mean_intervals
 from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.stages.encoding import encode_training
-from relm_irl_jax.stages.learning import learn_demonstrated
 from relm_irl_jax.tasks import draw_split
 
 DRAWN = 8000
@@ -50,7 +49,7 @@ class Ablation:
     sizes: tuple[int, ...] = PAPER_SIZES
     """Numbers of neurons of Figure 7."""
     config: Config = field(default_factory=Config)
-    """Scenes, demonstrations, inverse reinforcement learning, and the machine."""
+    """Scenes, demonstrations, inverse reinforcement learning, and the regressor."""
 
 
 def held_out_pairs(config: Config, scenes: Sequence[Scene], seed: int) -> tuple[PairData, PairData]:
@@ -94,7 +93,7 @@ def compare_choices(settings: Ablation, fitted: PairData, tested: PairData, seed
 
 
 def measure(settings: Ablation, fitted: PairData, tested: PairData, seed: int, folder: Path) -> None:
-    """Fit the machines of one seed and keep what the figures show.
+    """Fit the regressors of one seed and keep what the figures show.
 
     Args:
         settings: the ablation.
@@ -127,7 +126,7 @@ JOBS = {measure: "accuracy.csv", compare_choices: "choices.csv"}
 
 def numbers(folders: Sequence[Path], table: str, column: str) -> np.ndarray:
     """One column of a table of every seed, one row a seed."""
-    return np.stack([np.asarray(read_table(folder / table)[column], float) for folder in folders])
+    return np.stack([read_numbers(folder / table, [column])[column] for folder in folders])
 
 
 def draw_sizes(folders: Sequence[Path], path: Path) -> None:
@@ -137,8 +136,7 @@ def draw_sizes(folders: Sequence[Path], path: Path) -> None:
     axes = figure.subplots()
     table = {"neurons": sizes}
     for column, label in (("test_r2", "held-out targets"), ("train_r2", "fitted pairs")):
-        cells = [summarise(list(values)) for values in numbers(folders, "sizes.csv", column).T]
-        mean, error = (np.asarray([getattr(cell, name) for cell in cells]) for name in ("mean", "half_width"))
+        mean, error = mean_intervals(numbers(folders, "sizes.csv", column))
         axes.errorbar(sizes, mean, np.nan_to_num(error), fmt="o-", ms=3.5, capsize=2, label=label)
         table |= {column: mean, f"{column}_half_width": error}
     axes.set_xscale("symlog", linthresh=100)
@@ -154,14 +152,14 @@ def draw_predictions(folders: Sequence[Path], path: Path) -> None:
     """Figures 8 and 10: predicted against true weights of the first seed, with the R² of all seeds."""
     points = {name: numbers(folders[:1], "points.csv", name)[0] for name in ("truth", "elm", "relm")}
     figure = Figure(figsize=(7.4, 3.8), layout="constrained")
-    kept = summarise(numbers(folders, "accuracy.csv", "kept")[:, 0].tolist())
+    kept = mean_interval(numbers(folders, "accuracy.csv", "kept")[:, 0].tolist())
     for axes, name, title in zip(
         figure.subplots(1, 2, sharex=True, sharey=True),
         ("elm", "relm"),
-        ("ELM (Figure 8)", f"RELM, {thousands(kept)} neurons (Figure 10)"),
+        ("ELM (Figure 8)", f"RELM, {kept:,.0f} neurons (Figure 10)"),
         strict=True,
     ):
-        accuracy = summarise(numbers(folders, "accuracy.csv", f"{name}_r2")[:, 0].tolist())
+        accuracy = mean_interval(numbers(folders, "accuracy.csv", f"{name}_r2")[:, 0].tolist())
         limit = 1.05 * np.abs(points["truth"]).max()
         axes.plot([-limit, limit], [-limit, limit], color="#bbbbbb", lw=1)
         axes.scatter(points["truth"], points[name], s=2, alpha=0.3, rasterized=True)
@@ -175,14 +173,14 @@ def choice_columns(folders: Sequence[Path]) -> dict[str, list]:
     """Means and 95% intervals over seeds of what every way to choose neurons is worth."""
     columns: dict[str, list] = {"choice": read_table(folders[0] / "choices.csv")["choice"]}
     for name in ("accuracy", "kept", "ridge"):
-        cells = [summarise(list(values)) for values in numbers(folders, "choices.csv", name).T]
-        columns |= {name: [cell.mean for cell in cells], f"{name}_half_width": [cell.half_width for cell in cells]}
+        mean, half_width = mean_intervals(numbers(folders, "choices.csv", name))
+        columns |= {name: mean.tolist(), f"{name}_half_width": half_width.tolist()}
     return columns
 
 
-def _complete(record: dict) -> dict:
+def _with_defaults(kept: dict) -> dict:
     """Settings as they were kept, with fields that were added since at their defaults."""
-    return {**record, "config": config_record(config_from_record(record["config"], "settings.json"))}
+    return {**kept, "config": config_to_dict(config_from_dict(kept["config"], "settings.json"))}
 
 
 def main(settings: Ablation) -> None:
@@ -195,11 +193,11 @@ def main(settings: Ablation) -> None:
         InputError: the folder holds another ablation.
     """
     out, console = settings.out, Console()
-    record = {"sizes": list(settings.sizes), "config": config_record(settings.config)}
+    asked = {"sizes": list(settings.sizes), "config": config_to_dict(settings.config)}
     kept = out / "settings.json"
-    if kept.exists() and _complete(json.loads(kept.read_text())) != record:
+    if kept.exists() and _with_defaults(json.loads(kept.read_text())) != asked:
         raise InputError(f"out: {out} holds an ablation with other settings; give another folder, or remove it.")
-    write_json(kept, record)
+    write_json(kept, asked)
     folders = [out / f"seed-{seed}" for seed in range(settings.seeds)]
     missing = {
         seed: [job for job, table in JOBS.items() if not (folder / table).exists()]
@@ -209,21 +207,21 @@ def main(settings: Ablation) -> None:
         scenes = encode_training(settings.config).scenes
     for seed, jobs in missing.items():
         if jobs:
-            console.print(f"seed {seed}: rewards, then machines of {len(settings.sizes)} sizes")
+            console.print(f"seed {seed}: rewards, then regressors of {len(settings.sizes)} sizes")
             pairs = held_out_pairs(settings.config, scenes, seed)
             for job in jobs:
                 job(settings, *pairs, seed, folders[seed])
     draw_sizes(folders, out / "figure-7.png")
     draw_predictions(folders, out / "figure-8-10.png")
-    curves = [np.asarray(read_table(folder / "press.csv")["mean_squared_error"], float) for folder in folders]
+    curves = [load_press_curve(folder / "press.csv") for folder in folders]
     save_figure(press_figure(curves), out / "figure-9.png", press_columns(curves))
     accuracy = {name: numbers(folders, "accuracy.csv", name)[:, 0] for name in ("elm_r2", "relm_r2", "kept")}
     write_table(out / "accuracy.csv", {"seed": range(settings.seeds), **accuracy})
     write_table(out / "choices.csv", choice_columns(folders))
-    cells = {name: summarise(values.tolist()) for name, values in accuracy.items()}
+    means = {name: mean_interval(values.tolist()) for name, values in accuracy.items()}
     console.print(
-        f"R² on held-out targets: {cells['elm_r2']} with all {settings.config.elm.hidden} neurons, "
-        f"{cells['relm_r2']} with the {thousands(cells['kept'])} kept.",
+        f"R² on held-out targets: {means['elm_r2']} with all {settings.config.elm.hidden} neurons, "
+        f"{means['relm_r2']} with the {means['kept']:,.0f} kept.",
         highlight=False,
     )
     console.print(f"Figures and tables: {out}", highlight=False)

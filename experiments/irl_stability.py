@@ -9,14 +9,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import tyro
+from relm_irl_jax.rewards.demonstrations import fit_basis
 from rich.console import Console
 from rich.table import Table
 
 from relm_irl_jax.config import Config
+from relm_irl_jax.files import write_table
 from relm_irl_jax.irl import MaxMarginSettings
 from relm_irl_jax.irl.stability import Stability, stability_study
-from relm_irl_jax.rewards.demonstrations import fit_basis
-from relm_irl_jax.runs import write_table
 from relm_irl_jax.stages.encoding import encode_training
 
 WAYS = (

@@ -1,7 +1,7 @@
 """Checkpoints: a training's whole state on disk, from which it goes on as if it had not been cut off.
 
 Orbax writes them in the background, each whole or not at all, and keeps the last one. Beside the state lie the rows of
-the learning curve so far and the configuration. The final network is kept elsewhere, by `relm_irl_jax.runs`.
+the learning curve so far and the configuration. The final network is kept elsewhere, by `relm_irl_jax.parameters`.
 """
 
 import logging

@@ -18,9 +18,11 @@ from relm_irl_jax.errors import InputError, first_fault
 from relm_irl_jax.pipeline import evaluate_run, run
 from relm_irl_jax.play.animation import play as play_run
 from relm_irl_jax.play.keyboard import any_task, draw_episode, play_in_terminal, task_of_run
-from relm_irl_jax.report.page import write_report
+from relm_irl_jax.report.run_report import write_report
 from relm_irl_jax.report.tables import console_table
-from relm_irl_jax.runs import find_run, read_results
+from relm_irl_jax.results import Results, load_results
+from relm_irl_jax.run_config import find_run
+from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.scenes.catalog import scene_files
 from relm_irl_jax.scenes.check import check_files, check_table
 from relm_irl_jax.scenes.dump import save_scene
@@ -182,21 +184,21 @@ def _dispatch(arguments: list[str]) -> None:
         on from its last checkpoint.
         """
         folder = run(config)
-        _show(read_results(folder), folder.path)
+        _show(load_results(folder), folder.path)
 
     @app.command
     def evaluate(command: Annotated[Evaluate, tyro.conf.arg(name="")]) -> None:
         """Evaluate the agents of a run on a task."""
         folder, config = find_run(command.run)
         evaluate_run(config, folder, command.task)
-        _show(read_results(folder), folder.path)
+        _show(load_results(folder), folder.path)
 
     @app.command
     def report(command: Annotated[Report, tyro.conf.arg(name="")]) -> None:
         """Write the report of a run again."""
-        folder, config = find_run(command.run)
-        write_report(folder, config)
-        _show(read_results(folder), folder.path)
+        folder = RunFolder(command.run)
+        write_report(folder)
+        _show(load_results(folder), folder.path)
 
     @app.command
     def play(command: Annotated[Play, tyro.conf.arg(name="")]) -> None:
@@ -304,7 +306,7 @@ def _take(arguments: list[str], option: str, kind: str, remedy: str) -> tuple[st
     return arguments[place + 1], arguments[:place] + arguments[place + 2 :]
 
 
-def _show(results: dict, folder: Path) -> None:
+def _show(results: Results, folder: Path) -> None:
     console = Console()
     console.print(console_table(results))
     console.print(f"Report: {folder / 'report.md'}", highlight=False, soft_wrap=True)

@@ -15,11 +15,11 @@ from relm_irl_jax.cluster import ClusterSettings
 from relm_irl_jax.errors import InputError, first_fault
 from relm_irl_jax.features.encoder import EncoderSettings
 from relm_irl_jax.frames import Frames
+from relm_irl_jax.results import Task
 from relm_irl_jax.rewards.settings import ElmSettings, GoalSettings, IrlSettings, ManualSettings
 from relm_irl_jax.scenes.catalog import ROOMS, SceneSettings
 from relm_irl_jax.tasks import EvaluationSettings, TaskSettings
 
-Task = Literal["I", "II", "III"]
 AgentName = Literal["siamese", "metric"]
 Method = Literal["random", "bc", "rl", "irl", "elm-irl", "relm-irl"]
 METHODS: tuple[Method, ...] = ("random", "bc", "rl", "irl", "elm-irl", "relm-irl")

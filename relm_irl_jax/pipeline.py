@@ -6,7 +6,7 @@ A stage whose result lies in the run folder is not run again.
 from collections.abc import Callable, Sequence
 
 from relm_irl_jax.cluster import join
-from relm_irl_jax.config import Config, Method, Task
+from relm_irl_jax.config import METHODS, Config, Method, Task
 from relm_irl_jax.hardware import Stopwatch
 from relm_irl_jax.report.run_report import write_report
 from relm_irl_jax.rewards.learned import LearnedRewards
@@ -31,6 +31,8 @@ def run(
     tasks: Sequence[Task] = (),
     encoded: EncodedScenes | None = None,
     learn_rewards: LearnRewards = learn,
+    *,
+    maps: bool = True,
 ) -> RunFolder:
     """Train what is not yet trained, evaluate the agents and write the report.
 
@@ -39,6 +41,7 @@ def run(
         tasks: tasks to evaluate; the configuration's where empty.
         encoded: the training scenes, where they are encoded already.
         learn_rewards: learns rewards; runs that share them can be given a function that remembers.
+        maps: whether to save maps of rewards and episodes for the report.
 
     Returns:
         The run folder.
@@ -63,7 +66,7 @@ def run(
         if set(missing) & set(LEARNED):
             with stopwatch("inverse reinforcement learning and ELM"):
                 learned = learn_rewards(config, encoded.scenes, split, seed)
-                save_rewards(encoded.scenes, split, learned, seed, folder)
+                save_rewards(encoded.scenes, split, learned, seed, folder, maps=maps)
         inputs = SeedInputs(seed, encoded.scenes, split, learned)
         for method in missing:
             if trains_jointly(config, method):
@@ -76,15 +79,17 @@ def run(
             train_jointly(config, method, prepared, folder)
     for task in tasks:
         with stopwatch("evaluation"):
-            _evaluate(config, folder, encoded, task)
+            _evaluate(config, folder, encoded, task, maps=maps)
     write_report(folder)
     return folder
 
 
-def _evaluate(config: Config, folder: RunFolder, encoded: EncodedScenes, task: Task) -> None:
+def _evaluate(config: Config, folder: RunFolder, encoded: EncodedScenes, task: Task, *, maps: bool = True) -> None:
     """Evaluate the agents and save episodes of the last method, which is the paper's where it was trained."""
-    evaluate_task(config, folder, encoded, task)
-    save_shown_episodes(config, folder, encoded, AgentChoice(config.chosen_methods()[-1], task))
+    evaluated = {row.method for row in evaluate_task(config, folder, encoded, task).rows}
+    if maps:
+        last = [method for method in METHODS if method in evaluated][-1]
+        save_shown_episodes(config, folder, encoded, AgentChoice(last, task))
 
 
 def evaluate_run(config: Config, folder: RunFolder, task: Task) -> None:

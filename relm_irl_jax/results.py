@@ -14,6 +14,9 @@ from relm_irl_jax.run_folder import RunFolder
 Task = Literal["I", "II", "III"]
 TASKS: tuple[Task, ...] = get_args(Task)
 
+TargetGroup = Literal["trained", "new", "uniform"]
+"""Targets of Task I, and of Task II by either way to draw them."""
+
 Share = Annotated[float, Field(ge=0, le=1)]
 
 
@@ -133,7 +136,7 @@ class RewardQualityRow:
     """
 
     method: str
-    targets: Literal["trained", "new", "uniform"]
+    targets: TargetGroup
     median_rank: Annotated[float, Field(ge=1)]
     median_rank_share: Share
     mean_order: float

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from relm_irl_jax.agent.learning import TrainingRecord
 from relm_irl_jax.agent.settings import RecordSettings
-from relm_irl_jax.runs import RunFolder
 from relm_irl_jax.stages.recording import FolderRecord
 
 from relm_irl_jax.config import Config
+from relm_irl_jax.run_folder import RunFolder
 
 EVERY_CHUNK = Config(record=RecordSettings(checkpoint_minutes=0))
 

@@ -3,7 +3,8 @@
 import json
 
 from command import EXPERIMENT, QUICK, in_process
-from relm_irl_jax.runs import read_table
+
+from relm_irl_jax.files import read_table
 
 
 def test_the_metric_agent_runs_through_the_same_chain(tmp_path, monkeypatch):

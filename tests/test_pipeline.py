@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 from command import EXPERIMENT, QUICK, in_process, relm_irl
 from PIL import Image, ImageSequence
-from relm_irl_jax.runs import load_parameters, read_table
 from relm_irl_jax.stages.playing import FRAME_MILLISECONDS
+
+from relm_irl_jax.files import read_table
+from relm_irl_jax.parameters import load_parameters
 
 
 @pytest.fixture(scope="module")

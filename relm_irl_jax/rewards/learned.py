@@ -1,7 +1,7 @@
 """What the demonstrations of one seed teach: φ, demonstrated weights, and regressors that predict weights."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import jax.numpy as jnp
 import numpy as np
@@ -56,10 +56,29 @@ def learn_rewards(
     Raises:
         InputError: the settings do not suit the scenes, or a problem has no solution.
     """
-    basis = fit_basis(scenes, irl.dimension)
+    learned = learn_demonstrated(scenes, split, irl, seed)
+    return replace(learned, regressors=fit_regressors(scenes, learned.demonstrated, elm, seed))
+
+
+def learn_demonstrated(scenes: Sequence[Scene], split: TaskSplit, settings: IrlSettings, seed: int) -> LearnedRewards:
+    """Learn rewards from demonstrations alone.
+
+    Args:
+        scenes: encoded training scenes.
+        split: the targets of all tasks; only training targets are demonstrated.
+        settings: demonstrations and inverse reinforcement learning.
+        seed: the run's seed.
+
+    Returns:
+        The learned rewards, without regressors.
+
+    Raises:
+        InputError: the settings do not suit the scenes, or a problem has no solution.
+    """
+    basis = fit_basis(scenes, settings.dimension)
     phi = tuple(basis.phi(scene) for scene in scenes)
-    demonstrated = learn_demonstrated_rewards(scenes, split, phi, irl, seed)
-    return LearnedRewards(basis, phi, demonstrated, fit_regressors(scenes, demonstrated, elm, seed), irl.form())
+    demonstrated = learn_demonstrated_rewards(scenes, split, phi, settings, seed)
+    return LearnedRewards(basis, phi, demonstrated, {}, settings.form())
 
 
 def fit_regressors(

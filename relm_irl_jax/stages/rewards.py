@@ -41,7 +41,7 @@ def learn(config: Config, scenes: Sequence[Scene], split: TaskSplit, seed: int) 
 
 
 def save_rewards(
-    scenes: Sequence[Scene], split: TaskSplit, learned: LearnedRewards, seed: int, folder: RunFolder
+    scenes: Sequence[Scene], split: TaskSplit, learned: LearnedRewards, seed: int, folder: RunFolder, *, maps: bool
 ) -> None:
     """Keep learned rewards in the run folder, how good they are, and maps of them for the first seed.
 
@@ -51,6 +51,7 @@ def save_rewards(
         learned: the learned rewards.
         seed: the run's seed.
         folder: the run folder.
+        maps: whether to save maps.
     """
     save_arrays(
         folder.rewards(seed, "demonstrated.safetensors"),
@@ -71,7 +72,7 @@ def save_rewards(
         curve = {"neurons": neurons, "mean_squared_error": regularised.press_curve_}
         write_table(folder.rewards(seed, "press.csv"), curve)
     save_reward_quality(folder.rewards(seed, "quality.csv"), _quality(scenes, split, learned, seed))
-    if seed == 0:
+    if maps and seed == 0:
         _save_maps(scenes, split, learned, folder)
 
 

@@ -4,11 +4,11 @@ import jax
 import numpy as np
 import pytest
 from builders import grid_scene
-
 from relm_irl_jax.agent.settings import SiameseSettings
 from relm_irl_jax.agent.siamese.cloning import clone, decisions_of, views_along
 from relm_irl_jax.agent.siamese.frames import forward, tabulate
 from relm_irl_jax.agent.siamese.train import network_of
+
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.experts import expert_trajectories
 from relm_irl_jax.tasks import Target

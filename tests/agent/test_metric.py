@@ -10,8 +10,6 @@ from builders import grid_scene
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from interruption import assert_same, cut_off, take_up
-from scipy.sparse.csgraph import dijkstra
-
 from relm_irl_jax.agent.learning import TrainingRecord
 from relm_irl_jax.agent.metric.costs import Goals, costs_to_go, steps_of_best_ways
 from relm_irl_jax.agent.metric.experience import (
@@ -26,11 +24,13 @@ from relm_irl_jax.agent.metric.loss import Hindsight, MetricSetting, hindsight_l
 from relm_irl_jax.agent.metric.network import Places, distance, distances, metric_network, union_length
 from relm_irl_jax.agent.metric.train import one_way, train_metric
 from relm_irl_jax.agent.settings import MetricSettings
+from relm_irl_jax.rewards.assemble import ManualSettings, manual_reward
+from scipy.sparse.csgraph import dijkstra
+
 from relm_irl_jax.config import Config
 from relm_irl_jax.env import Lane
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.evaluation import evaluate, metric_policy, metrics
-from relm_irl_jax.rewards.assemble import ManualSettings, manual_reward
 from relm_irl_jax.rewards.goals import goal_states, manual_goals
 from relm_irl_jax.scenes.scene import shortest_path_distances, successors
 from relm_irl_jax.tasks import Target, TaskSplit

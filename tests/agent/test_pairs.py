@@ -7,12 +7,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from builders import grid_scene
-
 from relm_irl_jax.agent.settings import SiameseSettings
 from relm_irl_jax.agent.siamese.pairs import outputs_of, pairs_of
 from relm_irl_jax.agent.siamese.train import begin, cheaper_pairs, network_of, run_chunk, worker_lanes
 from relm_irl_jax.agent.siamese.update import Setting
 from relm_irl_jax.rewards.model import ManualReward
+
 from relm_irl_jax.tasks import Target
 from relm_irl_jax.world import build_targets, build_world
 

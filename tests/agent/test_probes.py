@@ -8,11 +8,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from builders import grid_scene
-
 from relm_irl_jax.agent.settings import SiameseSettings
 from relm_irl_jax.agent.siamese.frames import forward, tabulate
 from relm_irl_jax.agent.siamese.train import network_of, train
 from relm_irl_jax.rewards.model import ManualReward
+
 from relm_irl_jax.tasks import Target
 from relm_irl_jax.world import Targets, World, build_targets, build_world
 

@@ -19,7 +19,7 @@ PROGRAM = textwrap.dedent("""
     from test_update import STEP_COST, room
     from relm_irl_jax.agent.settings import SiameseSettings
     from relm_irl_jax.agent.siamese.train import train
-    from relm_irl_jax.runs import save_parameters
+    from relm_irl_jax.parameters import save_parameters
 
     assert (jax.process_count(), len(jax.local_devices()), jax.device_count()) == (count, 1, count)
     world, targets = room()

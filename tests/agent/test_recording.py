@@ -7,14 +7,14 @@ import jax
 import numpy as np
 import pytest
 from interruption import EVERY_CHUNK, assert_same, cut_off, take_up
-from test_cloning import two_rooms
-from test_update import STEP_COST, room
-
 from relm_irl_jax.agent.learning import TrainingRecord
 from relm_irl_jax.agent.settings import RecordSettings, SiameseSettings
 from relm_irl_jax.agent.siamese.cloning import clone, decisions_of
 from relm_irl_jax.agent.siamese.train import train
-from relm_irl_jax.runs import RunFolder
+from test_cloning import two_rooms
+from test_update import STEP_COST, room
+
+from relm_irl_jax.run_folder import RunFolder
 
 SMALL = SiameseSettings(workers=8, t_max=4, width=8)
 

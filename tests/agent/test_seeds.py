@@ -4,13 +4,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from interruption import assert_same, cut_off, take_up
-from test_update import room
-
 from relm_irl_jax.agent.learning import TrainingRecord
 from relm_irl_jax.agent.settings import SiameseSettings
 from relm_irl_jax.agent.siamese.seeds import stacked, train_seeds
 from relm_irl_jax.agent.siamese.train import train
 from relm_irl_jax.rewards.model import LinearReward
+from test_update import room
 
 
 def learned_reward(seed, rows):

@@ -7,7 +7,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from builders import grid_scene
-
 from relm_irl_jax.agent.rollout import Experience, rollout, sample_action
 from relm_irl_jax.agent.settings import SiameseSettings
 from relm_irl_jax.agent.siamese.frames import backward, forward, tabulate
@@ -21,8 +20,9 @@ from relm_irl_jax.agent.siamese.update import (
     over_steps,
     values_behind,
 )
-from relm_irl_jax.errors import InputError
 from relm_irl_jax.rewards.model import ManualReward
+
+from relm_irl_jax.errors import InputError
 from relm_irl_jax.tasks import Target
 from relm_irl_jax.world import build_targets, build_world
 

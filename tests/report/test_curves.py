@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
-
 from relm_irl_jax.report.curves import band, band_columns, frames_to_success, running_mean, speed_table
-from relm_irl_jax.report.figures import press_columns, save_figure
 from relm_irl_jax.runs import read_table
+
+from relm_irl_jax.report.figures import press_columns, save_figure
 
 
 def curve(success: list[float], episodes: list[float] | None = None) -> dict[str, list[str]]:

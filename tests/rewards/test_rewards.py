@@ -7,10 +7,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from builders import grid_scene, labelled
-
-from relm_irl_jax import env
-from relm_irl_jax.env import Episode
-from relm_irl_jax.errors import InputError
 from relm_irl_jax.rewards.assemble import (
     ManualSettings,
     demonstrated_reward,
@@ -19,9 +15,13 @@ from relm_irl_jax.rewards.assemble import (
     predicted_reward,
 )
 from relm_irl_jax.rewards.demonstrations import IrlSettings, RewardBasis, fit_basis, learn_rewards
-from relm_irl_jax.rewards.goals import IMAGINED_STARTS, predicted_goals
 from relm_irl_jax.rewards.model import LinearReward
 from relm_irl_jax.rewards.prediction import ElmSettings, fit_machine, pair_data, pair_inputs
+
+from relm_irl_jax import env
+from relm_irl_jax.env import Episode
+from relm_irl_jax.errors import InputError
+from relm_irl_jax.rewards.goals import IMAGINED_STARTS, predicted_goals
 from relm_irl_jax.rewards.quality import judge
 from relm_irl_jax.tasks import Target, TaskSettings, draw_split
 from relm_irl_jax.world import build_targets, build_world

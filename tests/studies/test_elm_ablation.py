@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from relm_irl_jax.runs import read_table, write_table
 
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.runs import read_table, write_table
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "experiments"))
 

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from builders import grid_scene, labelled
+from relm_irl_jax.rewards.prediction import pair_inputs
+from relm_irl_jax.stages.learning import learn
 
 from relm_irl_jax.config import Config, overlay
-from relm_irl_jax.rewards.prediction import pair_inputs
 from relm_irl_jax.stages.encoding import EncodedScenes
-from relm_irl_jax.stages.learning import learn
 from relm_irl_jax.studies import study
 from relm_irl_jax.tasks import draw_split
 

@@ -4,10 +4,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-
-from relm_irl_jax.config import Config, config_record, read_record
-from relm_irl_jax.errors import InputError
 from relm_irl_jax.runs import RunFolder, write_json, write_table
+
+from relm_irl_jax.config import Config, config_to_dict, read_fields
+from relm_irl_jax.errors import InputError
 from relm_irl_jax.studies.ablation import (
     BASE,
     Ablation,
@@ -46,7 +46,7 @@ def test_every_variant_changes_its_base():
         "quick.toml",
         "ablation.toml",
     }
-    for changes in ({}, read_record(PRESETS / "quick.toml")):
+    for changes in ({}, read_fields(PRESETS / "quick.toml")):
         base = configure(ablation, BASE, "siamese", changes, Path("x"))
         for name, variant in ablation.variants.items():
             config = configure(ablation, name, "siamese", changes, Path("x"))
@@ -67,7 +67,7 @@ def test_faults_are_named(tmp_path):
 def leave_results(config: Config, values: list[float]) -> None:
     """A finished run as the pipeline leaves it, its metrics made up."""
     assert config.run is not None
-    write_json(config.run / "config.json", config_record(config))
+    write_json(config.run / "config.json", config_to_dict(config))
     (config.run / "report.html").write_text("")
     for seed, _ in enumerate(values):
         quality = {"method": ["elm-irl", "relm-irl", "relm-irl"], "targets": ["new", "trained", "new"]}
