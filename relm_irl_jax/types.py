@@ -26,6 +26,9 @@ Parameters = Mapping[str, Any]
 Memory = Any
 """What a policy remembers within an episode: a tree of arrays whose leading axes are `scenes batch`; may be empty."""
 
+NO_MEMORY: Memory = ()
+"""Memory of a policy that remembers nothing."""
+
 Row = Mapping[str, float]
 """One row of a learning curve: a number for each column."""
 

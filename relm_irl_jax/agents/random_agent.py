@@ -3,11 +3,10 @@
 from dataclasses import dataclass
 
 import jax
-import jax.numpy as jnp
 from jaxtyping import Array, Int32, PRNGKeyArray
 
 from relm_irl_jax.scenes.scene import ACTIONS
-from relm_irl_jax.types import Memory, Observation
+from relm_irl_jax.types import NO_MEMORY, Memory, Observation
 
 
 @jax.tree_util.register_dataclass
@@ -17,7 +16,7 @@ class RandomPolicy:
 
     def init(self, shape: tuple[int, ...]) -> Memory:
         """No memory."""
-        return jnp.zeros((*shape, 0), jnp.int32)
+        return NO_MEMORY
 
     def act(
         self, key: PRNGKeyArray, memory: Memory, observation: Observation, target: Int32[Array, "scenes batch"]

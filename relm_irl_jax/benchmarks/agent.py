@@ -24,7 +24,7 @@ from relm_irl_jax.agents.settings import SiameseSettings
 from relm_irl_jax.agents.siamese.forward import through_frames, through_pairs
 from relm_irl_jax.agents.siamese.network import SiameseActorCritic
 from relm_irl_jax.agents.siamese.training import prepare, run_updates
-from relm_irl_jax.agents.siamese.update import UpdateInputs, initial_memory, last_views
+from relm_irl_jax.agents.siamese.update import UpdateInputs, initial_memory, observe_views
 from relm_irl_jax.benchmarks.axes import log_axes
 from relm_irl_jax.benchmarks.irl import open_room
 from relm_irl_jax.benchmarks.timing import Timing, machine, measure
@@ -160,8 +160,8 @@ def rates(settings: SiameseSettings, repeats: int) -> list[Rate]:
             forward, _ = through_pairs(network, parameters, task.world, task.targets, inputs.pairs)
 
         def act(key, memory, observation, target):
-            views = last_views(memory, observation)
-            return views[..., :-1], sample_action(key, forward(views, target).logits), None
+            memory, views = observe_views(memory, observation)
+            return memory, sample_action(key, forward(views, target).logits), None
 
         memory = initial_memory(shape, network.history)
         workers, experience, sums = rollout(key, act, state.workers, task, memory, length)

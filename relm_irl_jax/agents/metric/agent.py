@@ -23,7 +23,6 @@ from relm_irl_jax.agents.metric.update import (
     UpdateForm,
     UpdateInputs,
     make_optimizer,
-    no_memory,
     update,
 )
 from relm_irl_jax.agents.rollout import EpisodeSums, NavigationTask, init_workers
@@ -31,7 +30,7 @@ from relm_irl_jax.agents.settings import MetricSettings
 from relm_irl_jax.agents.training import LearningCurve, curve_from_rows, learning_row, run_chunks, split_into_chunks
 from relm_irl_jax.env import scene_target_ranges
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.types import Parameters, Requirement, TrainingLog, TrainingProblem
+from relm_irl_jax.types import NO_MEMORY, Parameters, Requirement, TrainingLog, TrainingProblem
 from relm_irl_jax.world import Targets, World
 
 
@@ -124,7 +123,7 @@ def init_train_state(key: PRNGKeyArray, inputs: UpdateInputs, form: UpdateForm) 
     key, parameter_key, episode_key = jax.random.split(key, 3)
     world = inputs.task.world
     parameters = form.network.init(parameter_key, world.features[:1])
-    workers = init_workers(episode_key, inputs.task, no_memory(inputs.task.target_range.first.shape))
+    workers = init_workers(episode_key, inputs.task, NO_MEMORY)
     optimizer = make_optimizer(inputs.optimizer).init(parameters)
     return TrainState(parameters, optimizer, workers, empty_graph(len(world.scene)), key)
 

@@ -6,9 +6,8 @@ import jax
 from jaxtyping import Array, Float32, Int32, PRNGKeyArray
 
 from relm_irl_jax.agents.metric.network import DistanceForm, Embeddings, distance
-from relm_irl_jax.agents.metric.update import no_memory
 from relm_irl_jax.agents.rollout import choose_action
-from relm_irl_jax.types import Memory, Observation
+from relm_irl_jax.types import NO_MEMORY, Memory, Observation
 
 Batch = Int32[Array, "scenes batch"]
 
@@ -34,7 +33,7 @@ class MetricPolicy:
 
     def init(self, shape: tuple[int, ...]) -> Memory:
         """No memory."""
-        return no_memory(shape)
+        return NO_MEMORY
 
     def act(self, key: PRNGKeyArray, memory: Memory, observation: Observation, target: Batch) -> tuple[Memory, Batch]:
         """Act by the distances."""

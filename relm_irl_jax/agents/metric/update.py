@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import optax
 from jax.typing import ArrayLike
-from jaxtyping import Array, Float32, Int32, PRNGKeyArray
+from jaxtyping import Array, Float32, PRNGKeyArray
 
 from relm_irl_jax.agents.metric.experience_graph import (
     ExperienceGraph,
@@ -18,7 +18,7 @@ from relm_irl_jax.agents.metric.experience_graph import (
 from relm_irl_jax.agents.metric.loss import Losses, LossForm, LossInputs, metric_loss
 from relm_irl_jax.agents.metric.network import MetricNetwork, distance, embed
 from relm_irl_jax.agents.rollout import EpisodeSums, NavigationTask, Workers, rollout, sample_action
-from relm_irl_jax.types import Memory, Observation, Parameters
+from relm_irl_jax.types import NO_MEMORY, Memory, Observation, Parameters
 
 FINAL_RATE = 0.02
 """Share of the step size that is left at the end of training."""
@@ -109,18 +109,6 @@ def make_optimizer(numbers: OptimizerNumbers) -> optax.GradientTransformation:
     return optax.chain(optax.clip_by_global_norm(cast(float, numbers.gradient_clip)), optax.adam(rate))
 
 
-def no_memory(shape: tuple[int, ...]) -> Int32[Array, "scenes batch 0"]:
-    """Memory of an agent that remembers nothing.
-
-    Args:
-        shape: scenes and batch.
-
-    Returns:
-        An empty array.
-    """
-    return jnp.zeros((*shape, 0), jnp.int32)
-
-
 def update(state: TrainState, inputs: UpdateInputs, form: UpdateForm) -> tuple[TrainState, tuple[EpisodeSums, Losses]]:
     """Act t_max steps with every worker, then take one gradient step.
 
@@ -148,8 +136,7 @@ def update(state: TrainState, inputs: UpdateInputs, form: UpdateForm) -> tuple[T
         logits = -inputs.loss.weights.inverse_temperature * steps
         return memory, jnp.where(unexplored, exploring, sample_action(policy_key, logits)), None
 
-    memory = no_memory(task.target_range.first.shape)
-    workers, experience, sums = rollout(rollout_key, act, state.workers, task, memory, form.t_max)
+    workers, experience, sums = rollout(rollout_key, act, state.workers, task, NO_MEMORY, form.t_max)
 
     grad_embeddings, losses = jax.grad(lambda e: metric_loss(pair_key, e, inputs.loss, form.loss), has_aux=True)(
         embeddings

@@ -3,19 +3,17 @@
 from dataclasses import dataclass, field
 
 import jax
-import jax.numpy as jnp
 from jaxtyping import Array, Int32, PRNGKeyArray
 
 from relm_irl_jax.agents.rollout import choose_action
 from relm_irl_jax.agents.siamese.forward import evaluate
 from relm_irl_jax.agents.siamese.network import Outputs, SiameseActorCritic, Tables
 from relm_irl_jax.agents.siamese.state_target_pairs import StateTargetPairs
-from relm_irl_jax.agents.siamese.update import initial_memory, last_views
-from relm_irl_jax.types import Observation, Parameters
+from relm_irl_jax.agents.siamese.update import initial_memory, observe_views
+from relm_irl_jax.types import NO_MEMORY, Memory, Observation, Parameters
 from relm_irl_jax.world import World
 
 Shape = tuple[int, ...]
-Views = Int32[Array, "scenes batch earlier"]
 Batch = Int32[Array, "scenes batch"]
 
 
@@ -38,15 +36,15 @@ class SeveralViewsPolicy:
     network: SiameseActorCritic = field(metadata={"static": True})
     greedy: bool = field(default=False, metadata={"static": True})
 
-    def init(self, shape: Shape) -> Views:
+    def init(self, shape: Shape) -> Memory:
         """No earlier views."""
         return initial_memory(shape, self.network.history)
 
-    def act(self, key: PRNGKeyArray, memory: Views, observation: Observation, target: Batch) -> tuple[Views, Batch]:
+    def act(self, key: PRNGKeyArray, memory: Memory, observation: Observation, target: Batch) -> tuple[Memory, Batch]:
         """Act by the network's policy."""
-        views = last_views(memory, observation)
+        memory, views = observe_views(memory, observation)
         outputs = evaluate(self.network, self.parameters, self.tables, views, target, self.head)
-        return views[..., :-1], choose_action(key, outputs.logits, self.greedy)
+        return memory, choose_action(key, outputs.logits, self.greedy)
 
 
 @jax.tree_util.register_dataclass
@@ -66,11 +64,11 @@ class PairPolicy:
     world: World
     greedy: bool = field(default=False, metadata={"static": True})
 
-    def init(self, shape: Shape) -> Views:
+    def init(self, shape: Shape) -> Memory:
         """No memory."""
-        return jnp.zeros((*shape, 0), jnp.int32)
+        return NO_MEMORY
 
-    def act(self, key: PRNGKeyArray, memory: Views, observation: Observation, target: Batch) -> tuple[Views, Batch]:
+    def act(self, key: PRNGKeyArray, memory: Memory, observation: Observation, target: Batch) -> tuple[Memory, Batch]:
         """Act by the network's policy."""
         logits = self.outputs.logits[self.pairs.index(self.world, observation.view, target)]
         return memory, choose_action(key, logits, self.greedy)

@@ -20,7 +20,7 @@ from relm_irl_jax.agents.siamese.forward import through_frames, through_pairs
 from relm_irl_jax.agents.siamese.loss import LossWeights, Step, actor_critic_loss, next_values
 from relm_irl_jax.agents.siamese.network import SiameseActorCritic
 from relm_irl_jax.agents.siamese.state_target_pairs import StateTargetPairs
-from relm_irl_jax.types import Memory, Observation, Parameters
+from relm_irl_jax.types import NO_MEMORY, Memory, Observation, Parameters
 
 NOTHING_SEEN = -1
 """Entry of the memory for a view before the start of the episode."""
@@ -147,7 +147,7 @@ def apply_gradient(
     return cast(Parameters, optax.apply_updates(parameters, change)), optimizer
 
 
-def initial_memory(shape: tuple[int, ...], history: int) -> Int32[Array, "groups batch earlier"]:
+def initial_memory(shape: tuple[int, ...], history: int) -> Memory:
     """Memory before the first observation: no earlier views.
 
     Args:
@@ -155,12 +155,12 @@ def initial_memory(shape: tuple[int, ...], history: int) -> Int32[Array, "groups
         history: number of last views that the network observes.
 
     Returns:
-        Earlier views, the latest first.
+        Earlier views [groups batch history-1], the latest first; empty where one view is observed.
     """
-    return jnp.full((*shape, history - 1), NOTHING_SEEN, jnp.int32)
+    return jnp.full((*shape, history - 1), NOTHING_SEEN, jnp.int32) if history > 1 else NO_MEMORY
 
 
-def last_views(memory: Memory, observation: Observation) -> Int32[Array, "groups batch history"]:
+def observe_views(memory: Memory, observation: Observation) -> tuple[Memory, Int32[Array, "groups batch history"]]:
     """Last views, the latest first; the start's own, repeated, where the episode is younger.
 
     Args:
@@ -168,10 +168,13 @@ def last_views(memory: Memory, observation: Observation) -> Int32[Array, "groups
         observation: the current one.
 
     Returns:
-        The views that the network observes. All but the last are the next memory.
+        The next memory, and the views that the network observes.
     """
     view = observation.view[..., None]
-    return jnp.concatenate([view, jnp.where(memory == NOTHING_SEEN, view, memory)], -1)
+    if isinstance(memory, tuple):
+        return memory, view
+    views = jnp.concatenate([view, jnp.where(memory == NOTHING_SEEN, view, memory)], -1)
+    return views[..., :-1], views
 
 
 def update(state: TrainState, inputs: UpdateInputs, form: UpdateForm) -> tuple[TrainState, EpisodeSums]:
@@ -193,10 +196,10 @@ def update(state: TrainState, inputs: UpdateInputs, form: UpdateForm) -> tuple[T
     else:
         forward, backward = through_pairs(network, state.parameters, task.world, task.targets, inputs.pairs)
 
-    def act(key: PRNGKeyArray, memory: Memory, observation: Observation, target: Array) -> tuple[Array, Array, Step]:
-        views = last_views(memory, observation)
+    def act(key: PRNGKeyArray, memory: Memory, observation: Observation, target: Array) -> tuple[Memory, Array, Step]:
+        memory, views = observe_views(memory, observation)
         outputs = forward(views, target)
-        return views[..., :-1], sample_action(key, outputs.logits), Step(outputs, views)
+        return memory, sample_action(key, outputs.logits), Step(outputs, views)
 
     memory = initial_memory(shape, network.history)
     workers, experience, sums = rollout(rollout_key, act, state.workers, task, memory, form.t_max)
