@@ -13,11 +13,11 @@ from pydantic.dataclasses import dataclass
 from relm_irl_jax.agent.settings import MetricSettings, RecordSettings, SiameseSettings
 from relm_irl_jax.cluster import ClusterSettings
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.features.encoder import EncoderSettings
+from relm_irl_jax.features.settings import EncoderSettings
 from relm_irl_jax.rewards.assemble import ManualSettings
 from relm_irl_jax.rewards.demonstrations import IrlSettings
 from relm_irl_jax.rewards.prediction import ElmSettings
-from relm_irl_jax.scenes.catalog import ROOMS, SceneSettings
+from relm_irl_jax.scenes.selection import ROOMS, SceneSettings
 from relm_irl_jax.tasks import EvaluationSettings, TaskSettings
 
 Task = Literal["I", "II", "III"]

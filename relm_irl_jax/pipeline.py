@@ -15,8 +15,8 @@ from relm_irl_jax.config import Config, Method, Task
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.report.page import machine, write_report
 from relm_irl_jax.runs import RunFolder, open_run, write_json
-from relm_irl_jax.scenes.catalog import check_source
 from relm_irl_jax.scenes.scene import Scene
+from relm_irl_jax.scenes.selection import check_scenes_setting
 from relm_irl_jax.stages.encoding import EncodedScenes, encode_training
 from relm_irl_jax.stages.evaluating import evaluate_task
 from relm_irl_jax.stages.learning import LearnedRewards, keep_rewards, learn
@@ -74,7 +74,7 @@ def run(
     Raises:
         InputError: the configuration, the scenes or the run folder cannot be used.
     """
-    check_source(config.scenes)
+    check_scenes_setting(config.scenes)
     join(config.cluster)
     if config.agent == "metric" and "bc" in config.methods:
         raise InputError("methods: bc clones the siamese agent's policy; leave it out, or use --agent siamese.")

@@ -14,13 +14,12 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, UInt8
 from rich.table import Table
 
 from relm_irl_jax.benchmarks.timing import REPEATS, machine
 from relm_irl_jax.features import weights
-from relm_irl_jax.features.encoder import DEVIATION, MEAN, Views, preprocess
-from relm_irl_jax.features.resnet import STAGES, ResNet50, layers, pooled
+from relm_irl_jax.features.encoder import IMAGENET_MEAN, IMAGENET_STD, Views, encode_batch
+from relm_irl_jax.features.resnet import STAGES, layers
 from relm_irl_jax.progress import console
 
 SIZE = 224
@@ -41,7 +40,7 @@ class Timing:
 def main() -> None:
     """Print the table."""
     state = weights.random_state_dict(seed=0)
-    params = jax.tree.map(jnp.asarray, weights.folded(state))
+    params = jax.tree.map(jnp.asarray, weights.fold_batch_norms(state))
     rivals = {"torch": torch_program(state, False), "torch channels last": torch_program(state, True)}
     table = Table(title=f"ResNet-50 at {SIZE}x{SIZE}, images/s\n{machine()}")
     for heading in ("program", "batch", "wall median", "wall worst", "processor median"):
@@ -62,11 +61,6 @@ def main() -> None:
         console.print("torch (extra `peers`) is not installed: no comparison")
 
 
-@jax.jit
-def _features(params: weights.Params, views: UInt8[Array, "view height width 3"]) -> Float[Array, "view 2048"]:
-    return pooled(ResNet50().bind({"params": params})(preprocess(views, SIZE)))
-
-
 def ours(params: weights.Params, views: Views) -> np.ndarray:
     """Features of views by this package, on the host.
 
@@ -74,7 +68,7 @@ def ours(params: weights.Params, views: Views) -> np.ndarray:
         params: parameters of `ResNet50`.
         views: views.
     """
-    return np.asarray(_features(params, views))
+    return np.asarray(encode_batch(params, views, SIZE))
 
 
 def timed_in_turn(programs: dict[str, Callable[[], object]]) -> dict[str, Timing]:
@@ -112,10 +106,10 @@ def torch_program(state: weights.StateDict, channels_last: bool) -> Callable[[np
     except ImportError:
         return None
     layout = torch.channels_last if channels_last else torch.contiguous_format
-    mean, deviation = (torch.tensor(values)[:, None, None] for values in (MEAN, DEVIATION))
+    mean, deviation = (torch.tensor(values)[:, None, None] for values in (IMAGENET_MEAN, IMAGENET_STD))
     parameters = {}
     for layer in layers():
-        kernel, bias = weights.folded_layer(state, layer)
+        kernel, bias = weights.fold_layer(state, layer)
         parameters[layer.path] = torch.from_numpy(kernel).to(memory_format=layout), torch.from_numpy(bias)
 
     def convolve(x: "torch.Tensor", path: tuple[str, ...], stride: int = 1) -> "torch.Tensor":

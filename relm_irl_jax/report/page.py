@@ -25,7 +25,7 @@ from relm_irl_jax.report.figures import (
 from relm_irl_jax.report.html import render_page
 from relm_irl_jax.report.tables import cell, columns_of, markdown_table, methods_of, readable, table_columns
 from relm_irl_jax.runs import RunFolder, read_all_results, read_table, write_table
-from relm_irl_jax.scenes.catalog import ROOMS
+from relm_irl_jax.scenes.selection import ROOMS
 
 TASK_NAMES = {
     "I": "trained targets",

@@ -19,8 +19,8 @@ from relm_irl_jax.report.episodes import episode_maps, episode_table
 from relm_irl_jax.report.figures import save_figure
 from relm_irl_jax.report.tables import METHOD_NAMES
 from relm_irl_jax.runs import RunFolder
-from relm_irl_jax.scenes.catalog import training_scenes, unseen_scenes
 from relm_irl_jax.scenes.scene import GRID_STEP, Scene
+from relm_irl_jax.scenes.selection import training_scenes, unseen_scenes
 from relm_irl_jax.stages.encoding import EncodedScenes, encode_training
 from relm_irl_jax.stages.evaluating import policy_of
 from relm_irl_jax.stages.ground import Ground, ground_of

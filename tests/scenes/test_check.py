@@ -8,8 +8,8 @@ import pytest
 from builders import grid_scene
 
 from relm_irl_jax.scenes.check import check_files, check_scene, check_table
-from relm_irl_jax.scenes.dump import save_scene
 from relm_irl_jax.scenes.scene import shortest_path_distances
+from relm_irl_jax.scenes.scene_file import save_scene
 
 
 @pytest.fixture

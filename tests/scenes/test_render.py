@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
 from relm_irl_jax.scenes.boxes import Box, Look, Pattern
 from relm_irl_jax.scenes.layout import layout
 from relm_irl_jax.scenes.render import BATCH, EYE_HEIGHT, MAX_BOXES, box_table, cast, render, unpack
+
 from relm_irl_jax.scenes.scene import HEADINGS, ROOM_TYPES, pose_graph
 
 GREY = Look((0.5, 0.5, 0.5))

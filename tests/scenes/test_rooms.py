@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-from relm_irl_jax.errors import InputError
 from relm_irl_jax.scenes.furniture import CATEGORIES
 from relm_irl_jax.scenes.layout import CLEARANCE, HEADROOM, SIZES, STEP_OVER, layout
-from relm_irl_jax.scenes.objects import LEAST_SHARE, best_views
 from relm_irl_jax.scenes.render import EYE_HEIGHT, MAX_BOXES
+
+from relm_irl_jax.errors import InputError
+from relm_irl_jax.scenes.objects import LEAST_SHARE, best_views
 from relm_irl_jax.scenes.rooms import SOURCE, generate_room
 from relm_irl_jax.scenes.scene import GRID_STEP, ROOM_TYPES, UNREACHABLE, pose_graph, shortest_path_distances
 

@@ -12,8 +12,8 @@ import pytest
 from relm_irl_jax.cli import main
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.scenes.check import check_scene
-from relm_irl_jax.scenes.record import record_scene
-from relm_irl_jax.scenes.thor import ThorSettings, read_house, room_type_of_plan, thor_scene
+from relm_irl_jax.scenes.recording.record import record_scene
+from relm_irl_jax.scenes.recording.thor import ThorSettings, read_house, room_type_of_plan, thor_scene
 
 SETTINGS = ThorSettings(image_size=8)
 PLAN = ["...", ".#.", "..."]  # places 0.5 m apart, the first at (-1.25, 2.75)

@@ -14,11 +14,11 @@ import pytest
 from relm_irl_jax.cli import main
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.scenes.check import check_scene
-from relm_irl_jax.scenes.dump import load_scene
-from relm_irl_jax.scenes.record import record_scene
+from relm_irl_jax.scenes.recording.record import record_scene
+from relm_irl_jax.scenes.recording.simulator import AHEAD, BACK, Pose, stepped
+from relm_irl_jax.scenes.recording.vizdoom import VizdoomSettings, _region, vizdoom_map, vizdoom_maps
 from relm_irl_jax.scenes.scene import HEADINGS
-from relm_irl_jax.scenes.source import AHEAD, BACK, Pose, stepped
-from relm_irl_jax.scenes.vizdoom import VizdoomSettings, _region, vizdoom_map, vizdoom_maps
+from relm_irl_jax.scenes.scene_file import load_scene
 
 SETTINGS = VizdoomSettings(states=24, image_size=120)
 UNITS = 64

@@ -7,8 +7,8 @@ import pytest
 from builders import grid_scene
 
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.scenes.catalog import SceneSettings, check_source, training_scenes, unseen_scenes
-from relm_irl_jax.scenes.dump import save_scene
+from relm_irl_jax.scenes.scene_file import save_scene
+from relm_irl_jax.scenes.selection import SceneSettings, check_source, training_scenes, unseen_scenes
 
 
 @pytest.fixture
@@ -56,10 +56,10 @@ def test_sources_that_hold_no_scene_are_refused(tmp_path):
 
 
 def test_rooms_are_rendered_once(tmp_path, monkeypatch):
-    monkeypatch.setattr("relm_irl_jax.scenes.catalog.cache_folder", lambda: tmp_path)
+    monkeypatch.setattr("relm_irl_jax.scenes.selection.cache_folder", lambda: tmp_path)
     settings = SceneSettings(training_per_type=1, size="tiny", image_size=16)
     first = training_scenes("rooms", settings)
-    monkeypatch.setattr("relm_irl_jax.scenes.catalog.generate_room", None)
+    monkeypatch.setattr("relm_irl_jax.scenes.selection.generate_room", None)
     again = training_scenes("rooms", settings)
     assert [scene.name for scene in first] == ["bathroom-0", "bedroom-0", "living_room-0"]
     for before, after in zip(first, again, strict=True):

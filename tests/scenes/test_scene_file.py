@@ -8,7 +8,7 @@ import pytest
 from builders import grid_scene, labelled
 
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.scenes.dump import load_scene, room_type_of, save_scene
+from relm_irl_jax.scenes.scene_file import load_scene, room_type_of, save_scene
 
 
 @pytest.fixture
