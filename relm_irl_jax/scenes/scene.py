@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float32, Float64, Int32, Int64, UInt8
+from jaxtyping import Float32, Float64, Int, Int32, Int64, UInt8
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import shortest_path
 
@@ -141,7 +141,7 @@ def pose_graph(
     return location, rotation, graph
 
 
-def shortest_path_distances(graph: Int32[np.ndarray, "states 4"]) -> Int32[np.ndarray, "states states"]:
+def shortest_path_distances(graph: Int[np.ndarray, "states 4"]) -> Int32[np.ndarray, "states states"]:
     """Least number of actions between all pairs of states.
 
     Args:
@@ -156,7 +156,7 @@ def shortest_path_distances(graph: Int32[np.ndarray, "states 4"]) -> Int32[np.nd
     return np.where(np.isinf(distance), UNREACHABLE, distance).astype(np.int32)
 
 
-def successors(graph: Int32[np.ndarray, "states 4"]) -> Int32[np.ndarray, "states 4"]:
+def successors(graph: Int[np.ndarray, "states 4"]) -> Int32[np.ndarray, "states 4"]:
     """Next state for each action, where a collision leaves the state unchanged.
 
     Args:

@@ -101,12 +101,12 @@ class Player:
         return tuple(self._moves_ahead(Pose(x, z, heading)) for heading in HEADINGS)
 
     def _moves_ahead(self, pose: Pose) -> bool:
-        self._advance([0, 0], STOPPING_TICS, report=False)  # a warp keeps the speed
+        self._advance(STOPPING_TICS, report=False)  # a warp keeps the speed
         self._warp(pose)
         self._turn(pose)
         if not self._at_rest():
             return False
-        self._advance([50, 0], self._tics)
+        self._advance(self._tics, forward=50.0)
         if self._game.is_episode_finished():  # the player has reached the exit
             self._game.new_episode()
             return False
@@ -143,15 +143,15 @@ class Player:
         x, y = pose.x * self._units_per_metre, pose.z * self._units_per_metre
         self._game.send_game_command(f"warp {x:.6f} {y:.6f}")
         self._game.send_game_command(f"fov {self._field_of_view}")
-        self._advance([0, 0], SETTLING_TICS, report=False)
+        self._advance(SETTLING_TICS, report=False)
 
     def _turn(self, pose: Pose) -> None:
-        self._advance([0, pose.rotation - self._pose().rotation], 1, report=False)
-        self._advance([0, 0], 1)
+        self._advance(1, turn=pose.rotation - self._pose().rotation, report=False)
+        self._advance(1)
 
-    def _advance(self, action: list[float], tics: int, *, report: bool = True) -> None:
+    def _advance(self, tics: int, *, forward: float = 0.0, turn: float = 0.0, report: bool = True) -> None:
         """Let time pass; without a report, which takes as long as many tics, pose and view are not updated."""
-        self._game.set_action(action)
+        self._game.set_action([forward, turn])
         self._game.advance_action(tics, report)
 
     def _at_rest(self) -> bool:

@@ -44,7 +44,7 @@ def periodic_patterns(pattern: Integers, u: Image, v: Image, box: Integers) -> P
     row, fv = _cell(v)
     tone = 0.9 + 0.2 * _unit(_hash(column, row, box))
     brick_row, brick_v = _cell(2 * v)
-    brick_column, brick_u = _cell(u + 0.5 * (brick_row % 2))
+    brick_column, brick_u = _cell(u + 0.5 * (brick_row % 2).astype(jnp.float32))
     plank_column, plank_u = _cell(u / 6 + _unit(_hash(row, box)))
     plank_tone = 0.82 + 0.36 * _unit(_hash(plank_column, row, box), 1)
     centre_u, centre_v = fu - 0.5, fv - 0.5
@@ -98,7 +98,7 @@ def face_patterns(pattern: Integers, u: Image, v: Image, width: Image, height: I
         height / tall,
     )
     hill = v / height < 0.4 + 0.13 * jnp.sin(5.0 * u / width + 1.0)
-    gloss = 1.0 + 0.22 * (((u + v) * 2.2) % 1 < 0.35)
+    gloss = 1.0 + 0.22 * (((u + v) * 2.2) % 1 < 0.35).astype(jnp.float32)
     cases = [
         (Pattern.FRAME, edge < scale, jnp.ones_like(u)),
         (Pattern.PANES, (pane < 0.025) | (edge < 0.05), 0.85 + 0.25 * v / height),
