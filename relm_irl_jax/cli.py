@@ -23,14 +23,14 @@ from relm_irl_jax.report.tables import console_table
 from relm_irl_jax.results import Results, load_results
 from relm_irl_jax.run_config import find_run
 from relm_irl_jax.run_folder import RunFolder
-from relm_irl_jax.scenes.catalog import scene_files
 from relm_irl_jax.scenes.check import check_files, check_table
-from relm_irl_jax.scenes.dump import save_scene
-from relm_irl_jax.scenes.export import export, export_table
+from relm_irl_jax.scenes.recording.export import export_scenes, export_table
+from relm_irl_jax.scenes.recording.thor import ThorSettings, thor_scenes
+from relm_irl_jax.scenes.recording.vizdoom import VizdoomSettings, vizdoom_maps
 from relm_irl_jax.scenes.rooms import generate_room
 from relm_irl_jax.scenes.scene import ROOM_TYPES
-from relm_irl_jax.scenes.thor import ThorSettings, thor_scenes
-from relm_irl_jax.scenes.vizdoom import VizdoomSettings, vizdoom_maps
+from relm_irl_jax.scenes.scene_file import save_scene
+from relm_irl_jax.scenes.selection import scene_files
 from relm_irl_jax.stages.episodes import AgentChoice, EpisodePath
 
 
@@ -263,7 +263,7 @@ def _export(command: ExportVizdoom | ExportThor) -> None:
         openers = thor_scenes(command.scenes, command.settings)
     # Engines outlive a process that is terminated without stopping them.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
-    Console().print(export_table(list(export(openers, command.out))))
+    Console().print(export_table(list(export_scenes(openers, command.out))))
 
 
 def _check(command: Check) -> None:

@@ -13,11 +13,11 @@ from pydantic.dataclasses import dataclass
 from relm_irl_jax.agents.settings import LogSettings, MetricSettings, SiameseSettings
 from relm_irl_jax.cluster import ClusterSettings
 from relm_irl_jax.errors import InputError, first_fault
-from relm_irl_jax.features.encoder import EncoderSettings
+from relm_irl_jax.features.settings import EncoderSettings
 from relm_irl_jax.frames import Frames
 from relm_irl_jax.results import Task
 from relm_irl_jax.rewards.settings import ElmSettings, GoalSettings, IrlSettings, ManualSettings
-from relm_irl_jax.scenes.catalog import ROOMS, SceneSettings
+from relm_irl_jax.scenes.selection import ROOMS, SceneSettings
 from relm_irl_jax.tasks import EvaluationSettings, TaskSettings
 
 AgentName = Literal["siamese", "metric"]

@@ -29,13 +29,14 @@ from relm_irl_jax import env
 from relm_irl_jax.env import Episode, TargetRange
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.features.cache import encode_cached
-from relm_irl_jax.features.encoder import EncoderSettings, make_encoder
+from relm_irl_jax.features.encoder import N_CALIBRATION_VIEWS, make_encoder
+from relm_irl_jax.features.settings import EncoderSettings
 from relm_irl_jax.rewards.functions import RewardFunction, manual_reward
 from relm_irl_jax.rewards.settings import ManualSettings
-from relm_irl_jax.scenes.catalog import SceneSettings, built_in_room, cache_folder
-from relm_irl_jax.scenes.dump import load_scene
 from relm_irl_jax.scenes.objects import best_views
+from relm_irl_jax.scenes.rooms.cache import built_in_room, cache_folder
 from relm_irl_jax.scenes.scene import ACTIONS, ROOM_TYPES, Scene
+from relm_irl_jax.scenes.scene_file import load_scene
 from relm_irl_jax.tasks import Target
 from relm_irl_jax.world import build_targets, build_world
 
@@ -299,7 +300,7 @@ def find_scene(scene: Scene | Path | str) -> Scene:
         return scene
     room_type, _, number = str(scene).rpartition("-")
     if room_type in ROOM_TYPES and number.isdecimal():
-        return built_in_room(room_type, int(number), SceneSettings())
+        return built_in_room(room_type, int(number))
     if Path(scene).is_file():
         return load_scene(Path(scene))
     raise InputError(
@@ -337,7 +338,7 @@ def target_states(scene: Scene, target: int | str | Sequence[int] | None) -> lis
 def _encoded(scene: Scene) -> Scene:
     """The scene with features of its views by the default encoder, measured on its own views."""
     settings = EncoderSettings()
-    encoder = make_encoder(settings, scene.views[:: max(1, scene.n_states // settings.calibration_views)])
+    encoder = make_encoder(settings, scene.views[:: max(1, scene.n_states // N_CALIBRATION_VIEWS)])
     features = encode_cached(scene.views, encoder, cache_folder() / "features", f"encoding {scene.name}")
     return replace(scene, features=features, encoder=encoder.name)
 

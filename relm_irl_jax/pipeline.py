@@ -12,8 +12,8 @@ from relm_irl_jax.report.run_report import write_report
 from relm_irl_jax.rewards.learned import LearnedRewards
 from relm_irl_jax.run_config import open_run
 from relm_irl_jax.run_folder import RunFolder
-from relm_irl_jax.scenes.catalog import check_source
 from relm_irl_jax.scenes.scene import Scene
+from relm_irl_jax.scenes.selection import check_scenes_setting
 from relm_irl_jax.stages.encoding import EncodedScenes, encode_training
 from relm_irl_jax.stages.episodes import AgentChoice, save_shown_episodes
 from relm_irl_jax.stages.evaluation import evaluate_task
@@ -50,7 +50,7 @@ def run(
         InputError: the configuration, the scenes or the run folder cannot be used.
     """
     tasks = tuple(tasks) or (config.task,)
-    check_source(config.scenes)
+    check_scenes_setting(config.scenes)
     check_agent(config, tasks)
     join(config.cluster)
     folder = open_run(config)

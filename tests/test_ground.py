@@ -8,8 +8,8 @@ from builders import grid_scene, labelled
 from relm_irl_jax.stages.ground import ground_of
 
 from relm_irl_jax.config import Config
-from relm_irl_jax.scenes.dump import save_scene
 from relm_irl_jax.scenes.scene import Scene
+from relm_irl_jax.scenes.scene_file import save_scene
 from relm_irl_jax.stages.encoding import EncodedScenes, encode_training
 from relm_irl_jax.tasks import TaskSettings, draw_split
 

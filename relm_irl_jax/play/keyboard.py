@@ -21,8 +21,8 @@ from rich.text import Text
 from relm_irl_jax.config import Config
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.gym import find_scene, target_states
-from relm_irl_jax.scenes.catalog import training_scenes, unseen_scenes
 from relm_irl_jax.scenes.scene import Scene, successors
+from relm_irl_jax.scenes.selection import training_scenes, unseen_scenes
 from relm_irl_jax.stages.episodes import EpisodePath
 from relm_irl_jax.tasks import draw_split
 

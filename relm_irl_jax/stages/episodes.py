@@ -11,8 +11,8 @@ from relm_irl_jax.evaluation import trace_episodes
 from relm_irl_jax.experts import shortest_path_expert, walk
 from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.saved_maps import SavedEpisode, ScenePoses, save_episodes
-from relm_irl_jax.scenes.catalog import training_scenes, unseen_scenes
 from relm_irl_jax.scenes.scene import Scene
+from relm_irl_jax.scenes.selection import training_scenes, unseen_scenes
 from relm_irl_jax.stages.encoding import EncodedScenes
 from relm_irl_jax.stages.evaluation import load_policy
 from relm_irl_jax.stages.worlds import EvaluationTask, evaluation_task

@@ -1,9 +1,9 @@
-"""Scenes as files: the THOR v1 dump, one HDF5 file a scene.
+"""Scene files: the THOR v1 format of Zhu et al. (2017), one HDF5 file a scene.
 
-Datasets are those of the field's own dumps: `observation`, `resnet_feature` (state, crop, 2048; crop 0 is the one
-used), `location`, `rotation`, `graph`, `shortest_path_distance`. Two optional additions carry labels and origin:
-the dataset `visible_object` with the attribute `categories`, and the file attributes `name`, `room_type`, `source`,
-`encoder` and `format_version`. A file without them is read as an original dump.
+Datasets: `observation` (state, height, width, 3), `resnet_feature` (state, crop, 2048; crop 0 is read), `location`,
+`rotation`, `graph`, `shortest_path_distance`. This package adds, optionally, labels and origin: the dataset
+`visible_object` with the attribute `categories`, and the file attributes `name`, `room_type`, `source`, `encoder` and
+`format_version`. A file without these is read as an original one.
 """
 
 import os
@@ -19,16 +19,16 @@ from relm_irl_jax.scenes.scene import ACTIONS, COLLISION, ROOM_TYPES, UNREACHABL
 
 FORMAT_VERSION = 1
 NAME_PATTERN = r"\w[\w .+-]*"
-"""Names of scenes and room types: they become parts of file names."""
+"""Pattern of the names of scenes and room types, which become parts of file names."""
 
-MOST_COMPRESSION = 2000
-"""No dataset is this many times larger than its file."""
+MAX_COMPRESSION = 2000
+"""Greatest ratio of a dataset's size to that of its file; a larger one is damage."""
 
 _OTHER_SPELLINGS = {"livingroom": "living_room"}
 
 
 def save_scene(scene: Scene, path: str | os.PathLike) -> None:
-    """Write a scene as one THOR v1 file; the file appears only once it is complete.
+    """Write a scene as a THOR v1 file; the file appears only once it is complete.
 
     Args:
         scene: the scene; fields that are None are left out.
@@ -56,12 +56,12 @@ def save_scene(scene: Scene, path: str | os.PathLike) -> None:
         )
 
 
-def load_scene(path: str | os.PathLike, *, frames: bool = True) -> Scene:
+def load_scene(path: str | os.PathLike, *, views: bool = True) -> Scene:
     """Read a scene from a THOR v1 file.
 
     Args:
         path: file to read.
-        frames: whether to read `observation`, by far the largest dataset.
+        views: whether to read the views, by far the largest dataset. Only encoders and pictures need them.
 
     Returns:
         The scene, with features of crop 0 where the file holds any.
@@ -75,7 +75,7 @@ def load_scene(path: str | os.PathLike, *, frames: bool = True) -> Scene:
         raise InputError(f"{path}: no such scene file; give an existing HDF5 file.")
     try:
         with h5py.File(path, "r") as file:
-            return _read(file, path, frames)
+            return _read(file, path, views=views)
     except InputError:
         raise
     except Exception as error:  # a damaged file makes the HDF5 library raise nearly everything
@@ -83,8 +83,8 @@ def load_scene(path: str | os.PathLike, *, frames: bool = True) -> Scene:
         raise InputError(f"{path}: cannot be read as HDF5 ({cause}); write or copy the file again.") from error
 
 
-def room_type_of(name: str) -> str:
-    """Room type from a scene's name, for dumps without the attribute: `bathroom_02` is a `bathroom`.
+def room_type_from_name(name: str) -> str:
+    """Room type from a scene's name, for files without the attribute: `bathroom_02` is a `bathroom`.
 
     Args:
         name: the scene's name, a room type followed by a number.
@@ -97,7 +97,7 @@ def room_type_of(name: str) -> str:
     return next((room_type for room_type in ROOM_TYPES if stem.startswith(room_type)), stem)
 
 
-def _read(file: h5py.File, path: Path, frames: bool) -> Scene:
+def _read(file: h5py.File, path: Path, *, views: bool) -> Scene:
     graph = _dataset(file, path, "graph", (None, len(ACTIONS)))
     n_states = len(graph)
     is_state = np.issubdtype(graph.dtype, np.integer) and graph.min() >= COLLISION and graph.max() < n_states
@@ -125,13 +125,13 @@ def _read(file: h5py.File, path: Path, frames: bool) -> Scene:
             "visible_object",
             "needs one name a column in `categories`",
         )
-    if frames:
+    if views:
         observation = _dataset(file, path, "observation", (n_states, None, None, 3))
         _require(observation.dtype == np.uint8, path, "observation", "must be uint8 RGB")
     name = _text(file, path, "name", path.stem)
     return Scene(
         name=name,
-        room_type=_text(file, path, "room_type", room_type_of(name)),
+        room_type=_text(file, path, "room_type", room_type_from_name(name)),
         location=location.astype(np.float64),
         rotation=rotation.astype(np.float64),
         graph=graph.astype(np.int32),
@@ -146,7 +146,7 @@ def _read(file: h5py.File, path: Path, frames: bool) -> Scene:
 
 
 def _dataset(file: h5py.File, path: Path, name: str, shape: tuple[int | None, ...]) -> np.ndarray:
-    """Read one dataset whole; its presence and shape are checked first, None standing for any length but 0."""
+    """Read a whole dataset after checking its shape; None in `shape` stands for any length but 0."""
     stored = file.get(name)
     if not isinstance(stored, h5py.Dataset):
         raise InputError(f"{path}: dataset `{name}` is missing; write the scene again in the THOR v1 format.")
@@ -154,14 +154,14 @@ def _dataset(file: h5py.File, path: Path, name: str, shape: tuple[int | None, ..
     fits = len(found) == len(shape) and all(n > 0 and m in (None, n) for n, m in zip(found, shape, strict=True))
     expected = " x ".join("any" if length is None else str(length) for length in shape)
     _require(fits, path, name, f"is of shape {' x '.join(map(str, found)) or 'none'} where {expected} is expected")
-    # A damaged length could ask for more memory than there is; no compression shrinks pictures so far.
-    most = MOST_COMPRESSION * path.stat().st_size
-    _require(stored.size * stored.dtype.itemsize <= most, path, name, "claims to be larger than its file can hold")
+    # A damaged length could ask for more memory than there is.
+    limit = MAX_COMPRESSION * path.stat().st_size
+    _require(stored.size * stored.dtype.itemsize <= limit, path, name, "claims to be larger than its file can hold")
     return stored[()]
 
 
 def _numbers(file: h5py.File, path: Path, name: str, shape: tuple[int | None, ...]) -> np.ndarray:
-    """Read one dataset of finite real numbers."""
+    """Read a dataset of finite real numbers."""
     values = _dataset(file, path, name, shape)
     _require(values.dtype.kind in "iuf", path, name, f"holds no real numbers but {values.dtype}")
     limit = float(np.finfo(np.float32).max)

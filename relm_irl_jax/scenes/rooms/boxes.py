@@ -1,4 +1,4 @@
-"""What rooms are made of: axis-aligned boxes with a look and, for objects, a category."""
+"""What rooms are made of: axis-aligned boxes with a material and, for objects, a category."""
 
 from dataclasses import dataclass
 from enum import IntEnum
@@ -14,7 +14,7 @@ NO_CATEGORY = -1
 
 
 class Pattern(IntEnum):
-    """How the two colours of a `Look` are laid over a face; lengths are multiples of `Look.scale`."""
+    """How the two colours of a `Material` cover a face; lengths are multiples of `Material.scale`."""
 
     PLAIN = 0
     """The first colour only."""
@@ -53,22 +53,22 @@ class Pattern(IntEnum):
 
 
 @dataclass(frozen=True)
-class Look:
+class Material:
     """Surface of a box.
 
     Attributes:
         colour: first colour.
-        second: second colour; its part depends on the pattern.
+        second_colour: second colour; the pattern says where it shows.
         pattern: how the colours are laid out.
         scale: length of the pattern in metres.
-        glow: share of the colour that does not depend on the light, in [0, 1].
+        emission: share of the colour that does not depend on the light, in [0, 1].
     """
 
     colour: Colour
-    second: Colour = (0.0, 0.0, 0.0)
+    second_colour: Colour = (0.0, 0.0, 0.0)
     pattern: Pattern = Pattern.PLAIN
     scale: float = 0.1
-    glow: float = 0.0
+    emission: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -78,11 +78,11 @@ class Box:
     Attributes:
         lower: corner with the least coordinates.
         upper: corner with the greatest coordinates.
-        look: its surface.
+        material: its surface.
         category: index into the category list, or `NO_CATEGORY`.
     """
 
     lower: Point
     upper: Point
-    look: Look
+    material: Material
     category: int = NO_CATEGORY

@@ -3,18 +3,21 @@
 from functools import partial
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from relm_irl_jax.scenes.boxes import Box, Look, Pattern
-from relm_irl_jax.scenes.layout import layout
-from relm_irl_jax.scenes.render import BATCH, EYE_HEIGHT, MAX_BOXES, box_table, cast, render, unpack
+from relm_irl_jax.scenes.rooms.boxes import Box, Material, Pattern
+from relm_irl_jax.scenes.rooms.floor_plan import draw_floor_plan
+from relm_irl_jax.scenes.rooms.furniture import CATEGORIES
+from relm_irl_jax.scenes.rooms.ray_casting import EYE_HEIGHT, MAX_BOXES, cast_rays, pack_boxes
+from relm_irl_jax.scenes.rooms.rendering import BATCH_SIZE, render_views, unpack_rgb
 from relm_irl_jax.scenes.scene import HEADINGS, ROOM_TYPES, pose_graph
 
-GREY = Look((0.5, 0.5, 0.5))
+from .sizes import IMAGE_SIZE
+
+GREY = Material((0.5, 0.5, 0.5))
 LIGHT = (0.0, 2.0, 0.0)
 
 
@@ -38,17 +41,24 @@ def brute_force(boxes, location, heading, size):
     return depth, winner
 
 
-cast = jax.jit(cast, static_argnums=3)
+MAX_POSES = 900
+"""Poses of one call of the ray caster, more than any room has: it compiles once for each of the three image sizes."""
 
 
 @partial(jax.jit, static_argnums=2)
-def first_box(table, poses, size):
-    return jax.lax.map(lambda pose: cast(table, *pose, size).box.min(), poses)
+def _cast(boxes, poses, size):
+    return jax.lax.map(lambda pose: cast_rays(boxes, *pose, size), poses)
+
+
+def cast(boxes, location, rotation, size, light=LIGHT):
+    """Depth, box and axis of each pixel at each pose."""
+    count = len(location)
+    poses = np.resize(location, (MAX_POSES, 2)).astype(np.float32), np.resize(rotation, MAX_POSES).astype(np.float32)
+    return [np.asarray(values)[:count] for values in _cast(pack_boxes(boxes, light), poses, size)]
 
 
 def view(boxes, location=(0.0, 0.0), heading=0.0, size=8):
-    hit = cast(box_table(boxes, LIGHT), jnp.asarray(location, jnp.float32), jnp.float32(heading), size)
-    return np.asarray(hit.depth), np.asarray(hit.box), np.asarray(hit.axis)
+    return [values[0] for values in cast(boxes, [location], [heading], size)]
 
 
 @pytest.mark.parametrize("heading", HEADINGS)
@@ -76,21 +86,21 @@ def test_right_of_the_camera_is_right_in_the_image_and_up_is_up():
 
 
 def test_the_nearer_box_hides_the_other_in_either_order():
-    near = Box((-1, 0, 1), (1, 3, 1.5), GREY)
-    far = Box((-9, 0, 4), (9, 3, 5), GREY)
+    near = Box((-1.0, 0.0, 1.0), (1.0, 3.0, 1.5), GREY)
+    far = Box((-9.0, 0.0, 4.0), (9.0, 3.0, 5.0), GREY)
     assert view([near, far])[1][4, 4] == 0
     assert view([far, near])[1][4, 4] == 1
 
 
 def test_a_box_behind_the_camera_is_not_seen():
-    assert (view([Box((-1, 0, -3), (1, 3, -2), GREY)])[1] == -1).all()
+    assert (view([Box((-1.0, 0.0, -3.0), (1.0, 3.0, -2.0), GREY)])[1] == -1).all()
 
 
 @settings(max_examples=20, deadline=None)
 @given(seed=st.integers(0, 10**6), heading=st.sampled_from(HEADINGS), odd=st.booleans())
 def test_random_boxes_as_by_brute_force(seed, heading, odd):
     rng = np.random.default_rng(seed)
-    size = 13 if odd else 12
+    size = 13 if odd else 8
     boxes = []
     while len(boxes) < 11:
         lower, extent = rng.uniform((-4, 0, -4), (4, 2, 4)), rng.uniform(0.1, 2, 3)
@@ -106,7 +116,7 @@ def test_random_boxes_as_by_brute_force(seed, heading, odd):
 
 @pytest.mark.parametrize("room_type", ROOM_TYPES)
 def test_a_room_as_by_brute_force(room_type):
-    room = layout(room_type, np.random.default_rng(3))
+    room = draw_floor_plan(room_type, np.random.default_rng(3))
     location, rotation, _ = pose_graph(room.places)
     for state in (5, len(location) // 2):
         depth, winner = brute_force(room.boxes, location[state], rotation[state], 20)
@@ -121,53 +131,60 @@ def test_a_room_as_by_brute_force(room_type):
 def test_no_ray_leaves_a_room(room_type):
     # These sizes send rays exactly into corners that lie a multiple of the grid step away.
     for seed in range(6):
-        room = layout(room_type, np.random.default_rng(seed))
+        room = draw_floor_plan(room_type, np.random.default_rng(seed))
         location, rotation, _ = pose_graph(room.places)
-        poses = (np.resize(location, (900, 2)).astype(np.float32), np.resize(rotation, 900).astype(np.float32))
         for size in (8, 20):
-            assert (first_box(box_table(room.boxes, room.light), poses, size) >= 0).all()
+            assert (cast(room.boxes, location, rotation, size)[1] >= 0).all()
+
+
+def test_shares_hardly_depend_on_the_image_size():
+    room = draw_floor_plan("bathroom", np.random.default_rng(1), "tiny")
+    location, rotation, _ = pose_graph(room.places)
+    _, shares = render_views(pack_boxes(room.boxes, room.light), location, rotation, size=IMAGE_SIZE)
+    category = np.asarray([box.category for box in room.boxes])[cast(room.boxes, location, rotation, 20)[1]]
+    coarse = (category[..., None] == np.arange(len(CATEGORIES))).mean((1, 2))
+    assert np.abs(shares - coarse).max() < 0.1
 
 
 def test_shares_count_the_pixels_of_a_category():
     # The left half of the view is a box of category 1; a quarter of the right half is of category 0.
     left = Box((-9.0, -9.0, 2.0), (0.0, 9.0, 3.0), GREY, category=1)
     right = Box((0.0, EYE_HEIGHT, 2.0), (1.0, EYE_HEIGHT + 1.0, 3.0), GREY, category=0)
-    _, shares = render(
-        box_table([left, right], LIGHT), np.zeros((1, 2)), np.zeros(1), size=8, n_categories=3, description="test"
-    )
-    np.testing.assert_allclose(shares, [[1 / 16, 1 / 2, 0]])
+    _, shares = render_views(pack_boxes([left, right], LIGHT), np.zeros((1, 2)), np.zeros(1), size=IMAGE_SIZE)
+    np.testing.assert_allclose(shares[0, :2], [1 / 16, 1 / 2])
+    assert not shares[0, 2:].any()
 
 
 @pytest.mark.parametrize("pattern", list(Pattern))
 def test_every_pattern_gives_a_picture(pattern):
-    wall = Box((-3, -1, 2), (3, 4, 3), Look((0.9, 0.2, 0.1), (0.1, 0.3, 0.9), pattern, 0.4))
-    images, _ = render(box_table([wall], LIGHT), np.zeros((1, 2)), np.zeros(1), size=64, n_categories=1)
+    wall = Box((-3.0, -1.0, 2.0), (3.0, 4.0, 3.0), Material((0.9, 0.2, 0.1), (0.1, 0.3, 0.9), pattern, 0.4))
+    images, _ = render_views(pack_boxes([wall], LIGHT), np.zeros((1, 2)), np.zeros(1), size=IMAGE_SIZE)
     colours = len(np.unique(images.reshape(-1, 3), axis=0))
-    tones = images[0, 24:40, 24:40].reshape(-1, 3)  # the middle: the light hardly changes over it
-    assert images.shape == (1, 64, 64, 3)
+    tones = images[0, 12:20, 12:20].reshape(-1, 3)  # the middle: the light hardly changes over it
+    assert images.shape == (1, IMAGE_SIZE, IMAGE_SIZE, 3)
     assert colours > 1
     if pattern == Pattern.PLAIN:
         assert (np.ptp(tones.astype(int), axis=0) < 12).all()
 
 
-def test_nothing_is_black_and_unpack_orders_the_channels():
-    images, shares = render(box_table([], LIGHT), np.zeros((1, 2)), np.zeros(1), size=4, n_categories=2)
+def test_nothing_is_black_and_unpacking_orders_the_channels():
+    images, shares = render_views(pack_boxes([], LIGHT), np.zeros((1, 2)), np.zeros(1), size=IMAGE_SIZE)
     assert not images.any()
     assert not shares.any()
-    assert unpack(np.array([0x00030201], np.uint32)).tolist() == [[1, 2, 3]]
+    assert unpack_rgb(np.array([0x00030201], np.uint32)).tolist() == [[1, 2, 3]]
 
 
-@pytest.mark.parametrize("count", [1, BATCH - 1, BATCH, BATCH + 1])
+@pytest.mark.parametrize("count", [1, BATCH_SIZE - 1, BATCH_SIZE, BATCH_SIZE + 1])
 def test_batches_do_not_show(count):
-    room = layout("bathroom", np.random.default_rng(0), "tiny")
+    room = draw_floor_plan("bathroom", np.random.default_rng(0), "tiny")
     location, rotation, _ = pose_graph(room.places)
-    table = box_table(room.boxes, room.light)
-    whole, shares = render(table, location, rotation, size=16, n_categories=25)
-    part, part_shares = render(table, location[:count], rotation[:count], size=16, n_categories=25)
+    boxes = pack_boxes(room.boxes, room.light)
+    whole, shares = render_views(boxes, location, rotation, size=IMAGE_SIZE)
+    part, part_shares = render_views(boxes, location[:count], rotation[:count], size=IMAGE_SIZE)
     np.testing.assert_array_equal(part, whole[:count])
     np.testing.assert_array_equal(part_shares, shares[:count])
 
 
 def test_too_many_boxes_are_refused():
     with pytest.raises(ValueError, match=str(MAX_BOXES)):
-        box_table([Box((0, 0, 1), (1, 1, 2), GREY)] * (MAX_BOXES + 1), LIGHT)
+        pack_boxes([Box((0.0, 0.0, 1.0), (1.0, 1.0, 2.0), GREY)] * (MAX_BOXES + 1), LIGHT)

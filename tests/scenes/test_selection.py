@@ -7,8 +7,11 @@ import pytest
 from builders import grid_scene
 
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.scenes.catalog import SceneSettings, check_source, training_scenes, unseen_scenes
-from relm_irl_jax.scenes.dump import save_scene
+from relm_irl_jax.scenes.rooms.cache import built_in_room
+from relm_irl_jax.scenes.scene_file import save_scene
+from relm_irl_jax.scenes.selection import SceneSettings, check_scenes_setting, training_scenes, unseen_scenes
+
+from .sizes import IMAGE_SIZE
 
 
 @pytest.fixture
@@ -47,20 +50,40 @@ def test_training_scenes_may_be_named(folder):
         training_scenes("rooms", settings)
 
 
-def test_sources_that_hold_no_scene_are_refused(tmp_path):
+def test_values_that_hold_no_scene_are_refused(tmp_path):
     with pytest.raises(InputError, match="is no folder"):
-        check_source(str(tmp_path / "absent"))
+        check_scenes_setting(str(tmp_path / "absent"))
     with pytest.raises(InputError, match="holds no file"):
-        check_source(str(tmp_path))
-    check_source("rooms")
+        check_scenes_setting(str(tmp_path))
+    check_scenes_setting("rooms")
 
 
 def test_rooms_are_rendered_once(tmp_path, monkeypatch):
-    monkeypatch.setattr("relm_irl_jax.scenes.catalog.cache_folder", lambda: tmp_path)
-    settings = SceneSettings(training_per_type=1, size="tiny", image_size=16)
+    monkeypatch.setattr("relm_irl_jax.scenes.rooms.cache.cache_folder", lambda: tmp_path)
+    settings = SceneSettings(training_per_type=1, size="tiny", image_size=IMAGE_SIZE)
     first = training_scenes("rooms", settings)
-    monkeypatch.setattr("relm_irl_jax.scenes.catalog.generate_room", None)
+    monkeypatch.setattr("relm_irl_jax.scenes.rooms.generate.generate_room", None)
     again = training_scenes("rooms", settings)
     assert [scene.name for scene in first] == ["bathroom-0", "bedroom-0", "living_room-0"]
     for before, after in zip(first, again, strict=True):
         assert (before.views == after.views).all()
+    blind = training_scenes("rooms", settings, views=False)
+    assert [scene.name for scene in blind] == [scene.name for scene in first]
+    assert all(scene.observation is None for scene in blind)
+
+
+def test_a_damaged_room_is_generated_again(tmp_path, monkeypatch):
+    monkeypatch.setattr("relm_irl_jax.scenes.rooms.cache.cache_folder", lambda: tmp_path)
+    blind = built_in_room("bathroom", 0, size="tiny", image_size=IMAGE_SIZE, views=False)
+    assert blind.observation is None
+    (path,) = tmp_path.rglob("*.h5")
+    path.write_bytes(path.read_bytes()[:500])
+    again = built_in_room("bathroom", 0, size="tiny", image_size=IMAGE_SIZE)
+    assert again.views.shape == (again.n_states, IMAGE_SIZE, IMAGE_SIZE, 3)
+
+
+@pytest.mark.parametrize("load", [training_scenes, unseen_scenes])
+def test_views_are_read_only_where_they_are_wanted(folder, load):
+    settings = SceneSettings(training_per_type=2)
+    assert all(scene.observation is not None for scene in load(folder, settings))
+    assert all(scene.observation is None for scene in load(folder, settings, views=False))

@@ -8,7 +8,7 @@ import pytest
 from builders import grid_scene, labelled
 
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.scenes.dump import load_scene, room_type_of, save_scene
+from relm_irl_jax.scenes.scene_file import load_scene, room_type_from_name, save_scene
 
 
 @pytest.fixture
@@ -43,7 +43,7 @@ def test_an_original_dump_is_read_as_it_is(scene, tmp_path):
         file["rotation"] = scene.rotation
         file["graph"] = scene.graph.astype(np.int64)
         file["shortest_path_distance"] = scene.shortest_path_distance.astype(np.int64)
-    loaded = load_scene(path, frames=False)
+    loaded = load_scene(path, views=False)
     assert (loaded.name, loaded.room_type, loaded.encoder) == ("bathroom_02", "bathroom", "dump")
     assert loaded.observation is None
     assert loaded.visible_object is None
@@ -100,4 +100,4 @@ def test_other_files_are_refused(tmp_path):
     [("bathroom_02", "bathroom"), ("living_room_08", "living_room"), ("LivingRoom-3", "living_room"), ("map01", "map")],
 )
 def test_room_type_from_the_name(name, room_type):
-    assert room_type_of(name) == room_type
+    assert room_type_from_name(name) == room_type

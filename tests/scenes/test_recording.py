@@ -1,4 +1,4 @@
-"""Any source becomes a sound scene: a maze of text, its engine misbehaving in every way that engines do."""
+"""Recording: a maze of text becomes a valid scene, whatever errors its simulator makes."""
 
 from dataclasses import replace
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.scenes import Pose, Source, View, load_scene, record_scene, stepped
+from relm_irl_jax.scenes import Pose, SimulatorScene, View, load_scene, next_pose, record_scene
 from relm_irl_jax.scenes.check import check_scene
 from relm_irl_jax.scenes.scene import HEADINGS
 
@@ -17,28 +17,28 @@ def maze(plan=PLAN, name="maze-0"):
     free = {(0.5 * x, 0.5 * z) for z, row in enumerate(plan) for x, cell in enumerate(row) if cell == "."}
 
     def move(pose, action):
-        onward = stepped(pose, action)
-        return onward if onward[:2] in free else None
+        after = next_pose(pose, action)
+        return after if after[:2] in free else None
 
     def view(pose):
-        frame = np.full((4, 4, 3), round(pose.x * 20 + pose.z * 40) + int(pose.rotation) // 90, np.uint8)
-        return View(pose, frame, {"lamp": 0.25} if pose.rotation == 0 else {})
+        image = np.full((4, 4, 3), round(pose.x * 20 + pose.z * 40) + int(pose.rotation) // 90, np.uint8)
+        return View(pose, image, {"lamp": 0.25} if pose.rotation == 0 else {})
 
     poses = [Pose(x, z, heading) for x, z in sorted(free) for heading in HEADINGS]
-    return Source(name, "maze", "text/1", poses, move, view)
+    return SimulatorScene(name, "maze", "text/1", poses, move, view)
 
 
 def place(scene, state):
     return (*scene.location[state], scene.rotation[state])
 
 
-def test_a_maze_becomes_a_sound_scene(tmp_path):
+def test_a_maze_becomes_a_valid_scene(tmp_path):
     """Ten free places on a ring; (0, 0) facing +z moves ahead to (0, 0.5) and back into the wall."""
     source = maze()
     recording = record_scene(source, tmp_path / "maze-0.h5")
     scene = load_scene(tmp_path / "maze-0.h5")
     assert check_scene(scene) == ((), ())
-    assert (recording.dropped, recording.closed, recording.cut_off) == (0, 0, 0)
+    assert (recording.refused, recording.closed, recording.disconnected) == (0, 0, 0)
     assert (scene.n_states, scene.room_type, scene.source, scene.categories) == (40, "maze", "text/1", ("lamp",))
     ahead, right, left, back = scene.graph[0]
     assert place(scene, ahead) == (0, 0.5, 0)
@@ -47,11 +47,11 @@ def test_a_maze_becomes_a_sound_scene(tmp_path):
     assert scene.shortest_path_distance.max() == 9  # half the ring of ten with its corners, and turns
     assert scene.visible_object is not None
     np.testing.assert_array_equal(scene.visible_object[:, 0] > 0, scene.rotation == 0)
-    np.testing.assert_array_equal(scene.views[5], source.view(source.poses[5]).frame)
+    np.testing.assert_array_equal(scene.views[5], source.view(source.poses[5]).image)
     assert [path.name for path in tmp_path.iterdir()] == ["maze-0.h5"]
 
 
-def test_float_noise_is_taken_off(tmp_path):
+def test_rounding_errors_are_removed(tmp_path):
     source = maze()
     generator = np.random.default_rng(0)
 
@@ -62,7 +62,7 @@ def test_float_noise_is_taken_off(tmp_path):
     shaken = replace(
         source,
         poses=[first, *map(noisy, source.poses[1:])],
-        move=lambda pose, action: (onward := source.move(clean(pose), action)) and noisy(onward),
+        move=lambda pose, action: (after := source.move(clean(pose), action)) and noisy(after),
         view=lambda pose: replace(source.view(clean(pose)), pose=noisy(pose)),
     )
     plain = record_scene(source, tmp_path / "plain.h5").scene
@@ -76,7 +76,7 @@ def clean(pose):
     return Pose(round(pose.x, 1), round(pose.z, 1), round(pose.rotation) % 360)
 
 
-def test_states_that_the_engine_refuses_or_moves_are_dropped(tmp_path):
+def test_states_that_the_simulator_refuses_or_moves_are_left_out(tmp_path):
     source = maze(["....."])
 
     def view(pose):
@@ -87,7 +87,7 @@ def test_states_that_the_engine_refuses_or_moves_are_dropped(tmp_path):
 
     recording = record_scene(replace(source, view=view), tmp_path / "maze.h5")
     scene = recording.scene
-    assert (recording.dropped, scene.n_states) == (2, 18)
+    assert (recording.refused, scene.n_states) == (2, 18)
     assert check_scene(scene)[0] == ()
     poses = {place(scene, state) for state in range(18)}
     assert (1.0, 0, 90) not in poses
@@ -108,24 +108,24 @@ def test_drops_teleports_and_islands(tmp_path):
 
     recording = record_scene(replace(source, move=move), tmp_path / "maze.h5")
     # One way: ahead from 0 facing +x. The teleporter: ahead from 1.0. The two right-hand places cannot be reached.
-    assert (recording.closed, recording.cut_off, recording.scene.n_states) == (2, 8, 12)
+    assert (recording.closed, recording.disconnected, recording.scene.n_states) == (2, 8, 12)
     assert check_scene(recording.scene)[0] == ()
 
 
 def crashing(source, after):
-    """The source, its engine crashing after so many views."""
+    """The scene of a simulator that crashes after so many views."""
     seen = []
 
     def view(pose):
         if len(seen) == after:
-            raise RuntimeError("the engine crashed")
+            raise RuntimeError("the simulator crashed")
         seen.append(pose)
         return source.view(pose)
 
     return replace(source, view=view), seen
 
 
-def test_a_record_goes_on_where_it_was_cut_off(tmp_path):
+def test_an_interrupted_recording_continues(tmp_path):
     path = tmp_path / "maze.h5"
     with pytest.raises(RuntimeError, match="crashed"):
         record_scene(crashing(maze(), 17)[0], path)
@@ -140,24 +140,24 @@ def test_a_record_goes_on_where_it_was_cut_off(tmp_path):
 
 
 @pytest.mark.parametrize("fate", ["other settings", "truncated", "garbage"])
-def test_a_record_that_does_not_fit_is_begun_again(tmp_path, fate):
-    path, side = tmp_path / "maze.h5", tmp_path / ".maze.record"
+def test_a_recording_that_does_not_fit_starts_again(tmp_path, fate):
+    path, database = tmp_path / "maze.h5", tmp_path / ".maze.record"
     with pytest.raises(RuntimeError, match="crashed"):
         record_scene(crashing(maze(), 17)[0], path)
     source, seen = crashing(maze(), 99)
     if fate == "other settings":
-        source = replace(source, origin="text/2")
+        source = replace(source, source="text/2")
     else:
-        side.write_bytes(side.read_bytes()[:5000] if fate == "truncated" else b"no database" * 99)
+        database.write_bytes(database.read_bytes()[:5000] if fate == "truncated" else b"no database" * 99)
     record_scene(source, path)
     assert len(seen) == 40
-    assert not side.exists()
+    assert not database.exists()
 
 
-def test_sources_that_cannot_be_used(tmp_path):
+def test_scenes_that_cannot_be_recorded(tmp_path):
     with pytest.raises(InputError, match="gives no pose"):
         record_scene(replace(maze(), poses=[]), tmp_path / "maze.h5")
-    with pytest.raises(InputError, match="stays at none of 40 poses"):
+    with pytest.raises(InputError, match="refuses all 40 poses"):
         record_scene(replace(maze(), view=lambda pose: None), tmp_path / "maze.h5")
     with pytest.raises(ValueError, match="off the grid"):
         record_scene(replace(maze(), poses=[Pose(0, 0, 0), Pose(0.3, 0, 0)]), tmp_path / "maze.h5")

@@ -1,9 +1,9 @@
-"""Scenes from AI2-THOR (5.0), live: iTHOR's rooms by name and ProcTHOR's houses by JSON file.
+"""Scenes of AI2-THOR 5.0: iTHOR's rooms by name and ProcTHOR's houses by JSON file.
 
-- **States** are the reachable positions on a 0.5 m grid, asked for once after a reset, with four headings each.
-- **Views and moves** each begin with a teleport to their pose, and the recorder compares the pose that the simulator
-  reports: what it refused or moved is left out.
-- **Objects** are those that the simulator calls visible, with the share of the view that their segmentation covers.
+- **States** are the reachable positions on a 0.5 m grid, requested once after a reset, with four headings each.
+- **Views and moves** each begin with a teleport to their pose. The recorder compares the pose that the simulator
+  reports, and leaves out what it refused or moved.
+- **Objects** are those that the simulator reports as visible, with the share of the view that they cover.
 
 The simulator downloads its Unity build (about 1 GB) when it is first started. Without a display it needs Vulkan; where
 CUDA_VISIBLE_DEVICES is set it then also asks for `vulkaninfo`.
@@ -12,7 +12,7 @@ CUDA_VISIBLE_DEVICES is set it then also asks for `vulkaninfo`.
 import json
 import re
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -23,12 +23,15 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.scenes.dump import NAME_PATTERN
+from relm_irl_jax.scenes.recording.export import SceneOpener
+from relm_irl_jax.scenes.recording.simulator import Pose, SimulatorScene, View
 from relm_irl_jax.scenes.scene import GRID_STEP, HEADINGS
-from relm_irl_jax.scenes.source import Pose, Source, View
 
-VISIBILITY_METRES = 100.0
-"""Distance up to which the simulator calls objects visible; its own 1.5 m would leave most targets out."""
+VISIBILITY_DISTANCE = 100.0
+"""Distance in metres up to which objects count as visible; the default of 1.5 m would leave most targets out."""
+
+FIELD_OF_VIEW = 90
+"""Angle in degrees that a view covers, as in the built-in rooms."""
 
 _ROOM_TYPES = {0: "kitchen", 2: "living_room", 3: "bedroom", 4: "bathroom"}
 """Room types of iTHOR's scenes, by the hundreds of their numbers."""
@@ -36,42 +39,36 @@ _ROOM_TYPES = {0: "kitchen", 2: "living_room", 3: "bedroom", 4: "bathroom"}
 
 @dataclass(frozen=True)
 class ThorSettings:
-    """What is recorded of a scene."""
+    """Views of AI2-THOR's scenes."""
 
     image_size: int = Field(default=224, ge=8)
     """Rows and columns of a view."""
-    field_of_view: float = Field(default=90, gt=0, lt=180)
-    """Angle in degrees that a view covers."""
-    room_type: str = Field(default="", pattern=f"^({NAME_PATTERN})?$")
-    """Room type of the scenes; by default iTHOR's own by number, and `house` for houses."""
     cloud_rendering: bool = False
-    """Render without a display, by Vulkan."""
+    """Render without a display, with Vulkan."""
 
 
-def thor_scenes(
-    names: Sequence[str], settings: ThorSettings
-) -> dict[str, Callable[[], AbstractContextManager[Source]]]:
-    """What opens each of several scenes; refuses before anything runs if one cannot be read.
+def thor_scenes(names: Sequence[str], settings: ThorSettings) -> dict[str, SceneOpener]:
+    """Prepare the recording of several scenes; nothing is started if one of them cannot be read.
 
     Args:
         names: iTHOR's names, for example `FloorPlan401`, or JSON files of ProcTHOR houses.
-        settings: what is recorded.
+        settings: size and rendering of the views.
 
     Returns:
-        For each scene a function that opens it.
+        For each scene a function that starts the simulator in it.
 
     Raises:
         InputError: AI2-THOR is not installed, or a file cannot be read as a house.
     """
-    _simulator_package()
-    openers: dict[str, Callable[[], AbstractContextManager[Source]]] = {}
+    _controller_class()
+    openers: dict[str, SceneOpener] = {}
     for name in names:
         is_file = name.endswith(".json")
         stem = Path(name).stem if is_file else name
         if stem in openers:
             raise InputError(f"scenes: {stem} is given twice; give each scene once.")
-        place = read_house(Path(name)) if is_file else name
-        openers[stem] = partial(thor_scene, stem, place, settings)
+        plan = read_house(Path(name)) if is_file else name
+        openers[stem] = partial(thor_scene, stem, plan, settings)
     return openers
 
 
@@ -95,11 +92,11 @@ def read_house(path: Path) -> dict[str, Any]:
         raise InputError(f"{path}: is no ProcTHOR house; it has no list of `rooms`.")
     metadata = house.get("metadata")
     if not isinstance(metadata, dict) or not isinstance(metadata.get("agent"), dict):
-        raise InputError(f"{path}: says not where the agent starts; add `metadata.agent`.")
+        raise InputError(f"{path}: does not say where the agent starts; add `metadata.agent`.")
     return house
 
 
-def room_type_of_plan(name: str) -> str:
+def room_type_of_floor_plan(name: str) -> str:
     """Room type of an iTHOR scene.
 
     Args:
@@ -115,62 +112,61 @@ def room_type_of_plan(name: str) -> str:
 @contextmanager
 def thor_scene(
     name: str,
-    place: str | dict[str, Any],
+    plan: str | dict[str, Any],
     settings: ThorSettings,
-    controller: Callable[..., Any] | None = None,
-) -> Iterator[Source]:
-    """Open a scene.
+    make_controller: Callable[..., Any] | None = None,
+) -> Iterator[SimulatorScene]:
+    """Start the simulator in a scene.
 
     Args:
         name: name of the scene.
-        place: iTHOR's name, or a ProcTHOR house.
-        settings: what is recorded.
-        controller: makes the controller, by default AI2-THOR's own.
+        plan: iTHOR's name, or a ProcTHOR house.
+        settings: size and rendering of the views.
+        make_controller: makes the controller; by default AI2-THOR's own class.
 
     Yields:
-        The scene as a source; the simulator runs until the block ends.
+        The scene; the simulator runs until the context ends.
 
     Raises:
         InputError: AI2-THOR is not installed or cannot start, or the scene has no reachable position.
     """
-    simulator = _start(place, settings, controller)
+    controller = _start(plan, settings, make_controller)
     try:
-        if isinstance(place, dict):
+        if isinstance(plan, dict):
             # A house's agent starts at the origin, which may lie in a wall.
-            _step(simulator, "TeleportFull", **place["metadata"]["agent"])
-        positions = _reachable(simulator, name)
-        agent = _Agent(simulator, positions)
+            _step(controller, "TeleportFull", **plan["metadata"]["agent"])
+        positions = _reachable_positions(controller, name)
+        agent = _Agent(controller, positions)
         poses = [Pose(x, z, heading) for x, z in sorted(positions) for heading in HEADINGS]
-        room_type = settings.room_type or room_type_of_plan(name)
-        origin = f"ai2thor/5.0 {name} {settings.image_size} pixels {settings.field_of_view:g} degrees"
-        yield Source(name, room_type, origin, poses, agent.move, agent.view)
+        source = f"ai2thor/5.0 {name} {settings.image_size} pixels {FIELD_OF_VIEW} degrees"
+        yield SimulatorScene(name, room_type_of_floor_plan(name), source, poses, agent.move, agent.view)
     finally:
-        simulator.stop()
+        controller.stop()
 
 
 class _Agent:
     """The agent of a running simulator."""
 
-    def __init__(self, simulator: Any, positions: dict[tuple[float, float], dict[str, float]]):
-        self._simulator = simulator
+    def __init__(self, controller: Any, positions: dict[tuple[float, float], dict[str, float]]):
+        self._controller = controller
         self._positions = positions
 
     def move(self, pose: Pose, action: str) -> Pose | None:
-        """Where an action leads, None where the simulator refuses it."""
+        """The pose after an action, None where the simulator refuses it."""
         if not self._teleport(pose):
             return None
-        event = _step(self._simulator, action)
+        event = _step(self._controller, action)
         return _pose(event) if event.metadata["lastActionSuccess"] else None
 
     def view(self, pose: Pose) -> View | None:
-        """What the agent sees, None where the simulator refuses the teleport."""
+        """The view at a pose, None where the simulator refuses the teleport."""
         event = self._teleport(pose)
-        return View(_pose(event), np.array(event.frame[:, :, :3]), _visible(event)) if event else None
+        return View(_pose(event), np.array(event.frame[:, :, :3]), _visible_objects(event)) if event else None
 
     def _teleport(self, pose: Pose) -> Any:
-        """Teleport; the simulator's answer, None where it refuses."""
+        """The event of a teleport, None where the simulator refuses it."""
         event = _step(
-            self._simulator,
+            self._controller,
             "Teleport",
             position=self._positions[pose.x, pose.z],
             rotation={"x": 0, "y": pose.rotation, "z": 0},
@@ -180,9 +176,9 @@ class _Agent:
         return event if event.metadata["lastActionSuccess"] else None
 
 
-def _reachable(simulator: Any, name: str) -> dict[tuple[float, float], dict[str, float]]:
-    """Reachable positions by (x, z) in metres, without the simulator's rounding noise."""
-    event = _step(simulator, "GetReachablePositions")
+def _reachable_positions(controller: Any, name: str) -> dict[tuple[float, float], dict[str, float]]:
+    """Reachable positions by (x, z) in metres, without rounding errors."""
+    event = _step(controller, "GetReachablePositions")
     positions = event.metadata["actionReturn"] if event.metadata["lastActionSuccess"] else None
     if not positions:
         raise InputError(f"{name}: AI2-THOR finds no reachable position; leave the scene out.")
@@ -201,8 +197,8 @@ def _pose(event: Any) -> Pose:
     return Pose(agent["position"]["x"], agent["position"]["z"], agent["rotation"]["y"])
 
 
-def _visible(event: Any) -> dict[str, float]:
-    """Share of the frame by object type."""
+def _visible_objects(event: Any) -> dict[str, float]:
+    """Share of the image that each visible object type covers."""
     types = {item["objectId"]: item["objectType"] for item in event.metadata["objects"] if item["visible"]}
     segmentation = event.instance_segmentation_frame
     if segmentation is None:
@@ -216,42 +212,42 @@ def _visible(event: Any) -> dict[str, float]:
     return shares
 
 
-def _step(simulator: Any, action: str, **arguments: Any) -> Any:
-    """Ask the simulator; when it stops, what is recorded already is kept."""
+def _step(controller: Any, action: str, **arguments: Any) -> Any:
+    """Take one action of the controller; an InputError when the simulator has stopped."""
     try:
-        return simulator.step(action, **arguments)
+        return controller.step(action, **arguments)
     except (RuntimeError, TimeoutError) as error:
         cause = str(error).strip().splitlines()
         raise InputError(
             f"AI2-THOR stopped at {action} ({cause[0] if cause else type(error).__name__}); "
-            "give the same command again and the record goes on."
+            "give the same command again to continue the recording."
         ) from error
 
 
-def _simulator_package() -> Callable[..., Any]:
+def _controller_class() -> Callable[..., Any]:
     try:
         return import_module("ai2thor.controller").Controller
     except ImportError as error:
         raise InputError("AI2-THOR is not installed; run: pip install 'relm-irl-jax[thor]'.") from error
 
 
-def _start(place: str | dict[str, Any], settings: ThorSettings, controller: Callable[..., Any] | None) -> Any:
-    make = controller or _simulator_package()
+def _start(plan: str | dict[str, Any], settings: ThorSettings, make_controller: Callable[..., Any] | None) -> Any:
+    make_controller = make_controller or _controller_class()
     platform = {}
     if settings.cloud_rendering:
         platform = {"platform": import_module("ai2thor.platform").CloudRendering}
     try:
-        return make(
-            scene=place,
+        return make_controller(
+            scene=plan,
             agentMode="default",
             gridSize=GRID_STEP,
             snapToGrid=True,
             rotateStepDegrees=90,
-            visibilityDistance=VISIBILITY_METRES,
+            visibilityDistance=VISIBILITY_DISTANCE,
             renderInstanceSegmentation=True,
             width=settings.image_size,
             height=settings.image_size,
-            fieldOfView=settings.field_of_view,
+            fieldOfView=FIELD_OF_VIEW,
             **platform,
         )
     except Exception as error:  # whatever download, display, Vulkan or Unity say
