@@ -47,7 +47,8 @@ def reward_figure(saved: StateMap) -> Figure:
         The figure.
     """
     values = _finite(saved)
-    low, high = saved.limits or _ends(values)
+    known = _known(values)
+    low, high = saved.limits or (min(known, default=0.0), max(known, default=1.0))
     return _figure(saved, values, ColourScale(low, high, "reward r(s)"))
 
 
@@ -61,7 +62,7 @@ def distance_figure(saved: StateMap) -> Figure:
         The figure.
     """
     values = {name: np.where(own >= 0, own, np.nan) for name, own in _finite(saved).items()}
-    return _figure(saved, values, ColourScale(0.0, _ends(values)[1], "distance in actions"))
+    return _figure(saved, values, ColourScale(0.0, max(_known(values), default=1.0), "distance in actions"))
 
 
 def reward_caption(saved: StateMap, targets: str) -> str:
@@ -131,11 +132,9 @@ def _finite(saved: StateMap) -> dict[str, Float64[np.ndarray, "states"]]:
     return {name: np.where(np.isfinite(saved.values[name]), saved.values[name], np.nan) for name in _panels(saved)}
 
 
-def _ends(values: Mapping[str, Float64[np.ndarray, "states"]]) -> tuple[float, float]:
-    """Least and greatest known value, apart from each other."""
-    known = np.concatenate([own[np.isfinite(own)] for own in values.values()])
-    low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 1.0)
-    return low, high if high > low else low + 1.0
+def _known(values: Mapping[str, Float64[np.ndarray, "states"]]) -> list[float]:
+    """All values of all maps that are known."""
+    return np.concatenate([own[np.isfinite(own)] for own in values.values()]).tolist()
 
 
 def _figure(saved: StateMap, values: Mapping[str, Float64[np.ndarray, "states"]], scale: ColourScale) -> Figure:
@@ -157,8 +156,8 @@ def _figure(saved: StateMap, values: Mapping[str, Float64[np.ndarray, "states"]]
         panel.set_axis_off()
     figure.supxlabel("x in metres", fontsize=10)
     figure.supylabel("z in metres", fontsize=10)
-    known = np.concatenate([own[np.isfinite(own)] for own in values.values()])
-    below, above = bool((known < scale.low).any()), bool((known > scale.high).any())
+    known = _known(values)
+    below, above = min(known, default=scale.low) < scale.low, max(known, default=scale.high) > scale.high
     extend = {(False, False): "neither", (True, False): "min", (False, True): "max", (True, True): "both"}[below, above]
     figure.colorbar(collections[0], ax=panels.ravel().tolist(), label=scale.label, shrink=0.8, extend=extend)
     figure.suptitle(f"{saved.poses.name}, target: {target_name(saved.target, saved.category)}")

@@ -14,7 +14,7 @@ from relm_irl_jax.parameters import load_parameters
 from relm_irl_jax.progress import progress_bar
 from relm_irl_jax.results import ResultRow, Results, save_results
 from relm_irl_jax.run_folder import RunFolder
-from relm_irl_jax.saved_maps import SHORTEST_PATH, ScenePoses, StateMap
+from relm_irl_jax.saved_maps import SHORTEST_PATH, StateMap, poses_of, save_map
 from relm_irl_jax.scenes.scene import first_of_each_type
 from relm_irl_jax.stages.encoding import EncodedScenes
 from relm_irl_jax.stages.ground import Ground, ground_of, sighted
@@ -111,5 +111,5 @@ def _save_distance_maps(folder: RunFolder, task: str, ground: Ground, learned: M
         for method, policy in learned.items():
             maps[method] = np.asarray(distance(policy.places.here[own], policy.wanted[row], policy.settings), float)
         category = ground.chosen[row].category
-        saved = StateMap(ScenePoses.of(scene), seed=0, target=target, category=category, values=maps)
-        saved.save(folder.distance_map(task, scene.room_type))
+        saved = StateMap(poses_of(scene), seed=0, target=target, category=category, values=maps)
+        save_map(folder.distance_map(task, scene.room_type), saved)

@@ -15,7 +15,7 @@ from relm_irl_jax.rewards.demonstrations import DemonstratedReward, RewardBasis,
 from relm_irl_jax.rewards.prediction import fit_machine, pair_data, pair_inputs
 from relm_irl_jax.rewards.quality import RewardQuality, judge, judge_predictions
 from relm_irl_jax.run_folder import RunFolder
-from relm_irl_jax.saved_maps import ScenePoses, StateMap
+from relm_irl_jax.saved_maps import StateMap, poses_of, save_map
 from relm_irl_jax.scenes.scene import Scene, first_of_each_type
 from relm_irl_jax.tasks import Target, TaskSplit
 
@@ -158,15 +158,16 @@ def _save_reward_maps(scenes: Sequence[Scene], split: TaskSplit, learned: Learne
             weights = {"irl": demonstrated[target]} if target in demonstrated else {}
             weights |= {method: machine_.predict(pair)[0] for method, machine_ in learned.machines.items()}
             phi = learned.basis(scene.encoded)
-            StateMap(
-                ScenePoses.of(scene),
+            saved = StateMap(
+                poses_of(scene),
                 seed=0,
                 target=target.state,
                 category=target.category,
                 values={method: reward(phi, target.state, w) for method, w in weights.items()},
                 start=start,
                 limits=(-1.0, 0.0),
-            ).save(folder.reward_map(name, room_type))
+            )
+            save_map(folder.reward_map(name, room_type), saved)
 
 
 def _judge_rewards(

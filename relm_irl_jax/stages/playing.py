@@ -19,7 +19,7 @@ from relm_irl_jax.experts import walk as expert_walk
 from relm_irl_jax.files import whole_file
 from relm_irl_jax.progress import progress_bar
 from relm_irl_jax.run_folder import RunFolder
-from relm_irl_jax.saved_maps import SavedEpisode, ScenePoses, save_episodes
+from relm_irl_jax.saved_maps import SavedEpisode, poses_of, save_episodes
 from relm_irl_jax.scenes.catalog import training_scenes, unseen_scenes
 from relm_irl_jax.scenes.scene import GRID_STEP, Scene
 from relm_irl_jax.stages.encoding import EncodedScenes, encode_training
@@ -103,7 +103,7 @@ def keep_episodes(
             continue
         category = next(t.category for t in chosen if (t.scene, t.state) == (number, walk.target))
         first[scene.room_type] = SavedEpisode(
-            ScenePoses.of(scene),
+            poses_of(scene),
             method=method,
             seed=seed,
             target=walk.target,
