@@ -1,12 +1,16 @@
 """Run folders written by hand: what the stages leave, without a training."""
 
+import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+import pytest
 from builders import grid_scene
+from PIL import Image
 
-from relm_irl_jax.files import write_json, write_table
+from relm_irl_jax.files import write_bytes, write_json, write_table
+from relm_irl_jax.report import run_figures
 from relm_irl_jax.results import ResultRow, Results, RewardQualityRow, Task, save_results, save_reward_quality
 from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.saved_maps import SHORTEST_PATH, SavedEpisode, StateMap, poses_of, save_episodes, save_map
@@ -122,3 +126,10 @@ def write_run(path: Path, values: Mapping[str, Sequence[float]], tasks: Sequence
             save_reward_quality(folder.rewards(seed, "quality.csv"), quality)
             write_table(folder.rewards(seed, "press.csv"), {"mean_squared_error": [3.0, 1.0, 2.0, np.inf]})
     return folder
+
+
+def draw_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every figure of a run is one pixel, for tests that look at the page alone."""
+    pixel = io.BytesIO()
+    Image.new("RGB", (1, 1)).save(pixel, "PNG")
+    monkeypatch.setattr(run_figures, "save_figure", lambda figure, path, table: write_bytes(path, pixel.getvalue()))

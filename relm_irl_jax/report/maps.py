@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
-from relm_irl_jax.report.names import in_order, method_name, target_name
+from relm_irl_jax.report.names import in_order, listed, method_name, target_name
 from relm_irl_jax.saved_maps import SHORTEST_PATH, ScenePoses, StateMap
 from relm_irl_jax.scenes.scene import GRID_STEP, HEADINGS
 
@@ -77,8 +77,8 @@ def reward_caption(saved: StateMap, targets: str) -> str:
     """
     target = target_name(saved.target, saved.category)
     kind = "a trained target" if targets == "trained" else "a target that was not trained"
-    methods = " and ".join(map(method_name, in_order(saved.values)))
-    start = "" if saved.start is None else f"; predicted rewards start at state {saved.start} (ring)"
+    methods = listed([method_name(name) for name in in_order(saved.values)])
+    start = "" if saved.start is None else f"; predicted for a start at state {saved.start} (ring)"
     return (
         f"Rewards of all states of {saved.poses.name} for {kind}, {target} (star; its arrow is the heading), by "
         f"{methods}, seed {saved.seed}{start}. Each place is four triangles, one a heading"
@@ -96,7 +96,7 @@ def distance_caption(saved: StateMap, task: str) -> str:
         A caption.
     """
     target = target_name(saved.target, saved.category)
-    methods = " and ".join(method_name(name) for name in in_order(saved.values) if name != SHORTEST_PATH)
+    methods = listed([_title(name) for name in _panels(saved) if name != SHORTEST_PATH])
     return (
         f"Actions from every state of {saved.poses.name} to a target of Task {task}, {target} (star; its arrow is the "
         f"heading): along shortest paths, and as learned by {methods}, seed {saved.seed}. Each place is four "
@@ -170,6 +170,8 @@ def _mark(panel: Axes, saved: StateMap) -> None:
     tip = place + 0.75 * np.array([np.sin(heading), np.cos(heading)])
     panel.plot(*place, "*", color=TARGET_COLOUR, markersize=13, markeredgecolor="white")
     panel.annotate("", tip, place, arrowprops={"arrowstyle": "->", "color": TARGET_COLOUR, "lw": 1.8})
+    panel.update_datalim([tip])
+    panel.autoscale_view()
     if saved.start is not None:
         start = saved.poses.location[saved.start]
         panel.plot(*start, "o", color="none", markersize=9, markeredgecolor=TARGET_COLOUR)

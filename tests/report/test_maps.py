@@ -58,12 +58,13 @@ def test_rewards_are_drawn_on_the_scale_to_which_they_are_clipped(limits):
 
 def test_captions_name_scene_target_and_methods():
     caption = reward_caption(state_map(["elm-irl", "irl"], start=3), "new")
-    for part in ("bathroom-0", "not trained", "lamp (state 20)", "IRL and ELM-IRL", "seed 0", "state 3 (ring)"):
+    for part in ("bathroom-0", "not trained", "lamp (state 20)", "IRL and ELM-IRL, seed 0", "state 3 (ring)"):
         assert part in caption
     caption = distance_caption(state_map([SHORTEST_PATH, "rl"]), "II")
     for part in ("bathroom-0", "Task II", "lamp (state 20)", "as learned by RL", "seed 0"):
         assert part in caption
     assert "state 20 (star" in reward_caption(replace(state_map(["irl"]), category=""), "trained")
+    assert "by IRL, ELM-IRL and RELM-IRL" in reward_caption(state_map(["relm-irl", "elm-irl", "irl"]), "trained")
     caption = episode_caption([episode(), episode([0, 1])], "III")
     assert caption.startswith("The first episodes of RELM-IRL, seed 0, on Task III: bathroom-0, target lamp (state 20)")
 

@@ -1,18 +1,15 @@
 """The report of a run folder that was written by hand."""
 
-import io
 import json
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-from PIL import Image
-from run_folders import CONFIG, write_run
+from run_folders import CONFIG, draw_nothing, write_run
 
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.files import read_table, write_bytes, write_json
-from relm_irl_jax.report import run_figures
+from relm_irl_jax.files import read_table, write_json
 from relm_irl_jax.report.run_report import write_report
 from relm_irl_jax.run_folder import RunFolder
 
@@ -20,18 +17,33 @@ SEEDS = {"random": [0.1, 0.2], "rl": [0.3, 0.5], "irl": [0.4, 0.4], "elm-irl": [
 PAIR = {"rl": [0.3], "relm-irl": [0.8]}
 
 
-_buffer = io.BytesIO()
-Image.new("RGB", (1, 1)).save(_buffer, "PNG")
-PIXEL = _buffer.getvalue()
-
-
 def pages(folder: RunFolder) -> tuple[str, str]:
     return (folder.path / "report.md").read_text(), (folder.path / "report.html").read_text()
 
 
-def test_the_report_shows_all_that_the_folder_holds(tmp_path):
-    folder = write_run(tmp_path / "run", SEEDS)
-    assert write_report(folder) == tmp_path / "run" / "report.md"
+ALONE = """
+import json, sys
+import relm_irl_jax.report.run_report as report
+from relm_irl_jax.run_folder import RunFolder
+opened = []
+sys.addaudithook(lambda event, values: event == "open" and opened.append(str(values[0])))
+report.write_report(RunFolder(report.Path(sys.argv[1])))
+print(json.dumps({"modules": sorted(sys.modules), "opened": opened, "prefixes": [sys.prefix, sys.base_prefix]}))
+"""
+
+
+@pytest.fixture(scope="module")
+def drawn(tmp_path_factory):
+    """A run folder whose report is drawn by a process of its own, and what this process imported and opened."""
+    folder = write_run(tmp_path_factory.mktemp("drawn") / "run", SEEDS)
+    elsewhere = tmp_path_factory.mktemp("elsewhere")
+    command = [sys.executable, "-c", ALONE, str(folder.path)]
+    done = subprocess.run(command, cwd=elsewhere, capture_output=True, text=True, check=True)
+    return folder, json.loads(done.stdout)
+
+
+def test_the_report_shows_all_that_the_folder_holds(drawn):
+    folder, _ = drawn
     text, page = pages(folder)
     assert text.startswith("# Task II and III\n")
     for part in (
@@ -66,6 +78,23 @@ def test_the_report_shows_all_that_the_folder_holds(tmp_path):
     assert sorted(path.stem for path in (folder.path / "tables").iterdir()) == tables
 
 
+def test_the_report_is_drawn_without_agents_or_jax_and_from_its_folder_alone(drawn):
+    folder, seen = drawn
+    loaded = {name for name in seen["modules"] if name.split(".")[0] in ("jax", "jaxlib", "flax", "relm_irl_jax")}
+    layers = {name.split(".")[1] for name in loaded if name.startswith("relm_irl_jax.")}
+    known = {"errors", "files", "hardware", "lazy", "registration", "report", "results", "run_folder", "saved_maps"}
+    assert layers <= known | {"scenes"}
+    assert {name for name in loaded if "scenes" in name} <= {"relm_irl_jax.scenes", "relm_irl_jax.scenes.scene"}
+    assert not any(name.startswith(("jax", "flax")) for name in loaded)
+    package = str(Path(__file__).parents[2] / "relm_irl_jax")
+    code = tuple({*seen["prefixes"], package, str(Path(sys.executable).parent.parent)})
+    foreign = [
+        name for name in seen["opened"]
+        if not name.startswith((str(folder.path), *code)) and not name.endswith((".ttf", ".py", ".pyc"))
+    ]  # fmt: skip
+    assert foreign == []
+
+
 def test_one_seed_has_no_intervals_and_no_differences(tmp_path, undrawn):
     folder = write_run(tmp_path, PAIR, tasks=("I",))
     write_report(folder)
@@ -79,8 +108,7 @@ def test_one_seed_has_no_intervals_and_no_differences(tmp_path, undrawn):
 
 @pytest.fixture
 def undrawn(monkeypatch):
-    """Figures are not drawn: their files are all that the test looks at."""
-    monkeypatch.setattr(run_figures, "save_figure", lambda figure, path, table: write_bytes(path, PIXEL))
+    draw_nothing(monkeypatch)
 
 
 PARTS = {
@@ -148,37 +176,3 @@ def test_what_the_agent_is_stands_in_the_report(tmp_path, undrawn):
     write_json(folder.config, {**CONFIG, "agent": "metric", "metric": {"hindsight": "strict"}})
     write_report(folder)
     assert "metric agent (hindsight: strict)" in pages(folder)[0]
-
-
-ALONE = """
-import json, sys
-import relm_irl_jax.report.run_report as report
-from relm_irl_jax.run_folder import RunFolder
-opened = []
-sys.addaudithook(lambda event, values: event == "open" and opened.append(str(values[0])))
-report.write_report(RunFolder(report.Path(sys.argv[1])))
-print(json.dumps({"modules": sorted(sys.modules), "opened": opened, "prefixes": [sys.prefix, sys.base_prefix]}))
-"""
-
-
-def test_a_report_is_drawn_without_agents_or_jax_and_from_its_folder_alone(tmp_path):
-    """In a process of its own, which has imported nothing else before."""
-    folder = write_run(tmp_path / "run", PAIR, tasks=("I",))
-    elsewhere = tmp_path / "elsewhere"
-    elsewhere.mkdir()
-    command = [sys.executable, "-c", ALONE, str(folder.path)]
-    done = subprocess.run(command, cwd=elsewhere, capture_output=True, text=True, check=True)
-    seen = json.loads(done.stdout)
-    loaded = {name for name in seen["modules"] if name.split(".")[0] in ("jax", "jaxlib", "flax", "relm_irl_jax")}
-    layers = {name.split(".")[1] for name in loaded if name.startswith("relm_irl_jax.")}
-    known = {"errors", "files", "hardware", "lazy", "registration", "report", "results", "run_folder", "saved_maps"}
-    assert layers == known | {"scenes"}
-    assert {name for name in loaded if "scenes" in name} == {"relm_irl_jax.scenes", "relm_irl_jax.scenes.scene"}
-    assert not any(name.startswith(("jax", "flax")) for name in loaded)
-    package = str(Path(__file__).parents[2] / "relm_irl_jax")
-    code = tuple({*seen["prefixes"], package, str(Path(sys.executable).parent.parent)})
-    foreign = [
-        name for name in seen["opened"]
-        if not name.startswith((str(folder.path), *code)) and not name.endswith((".ttf", ".py", ".pyc"))
-    ]  # fmt: skip
-    assert foreign == []
