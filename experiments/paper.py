@@ -32,7 +32,7 @@ from relm_irl_jax.errors import InputError, first_fault
 from relm_irl_jax.progress import console
 from relm_irl_jax.studies.ablation import ablation_rows, load_ablation, run_ablation
 from relm_irl_jax.studies.page import RUN_TITLES, write_study
-from relm_irl_jax.studies.study import complete_runs, load_preset
+from relm_irl_jax.studies.study import complete_run, complete_runs, load_preset
 
 PRESETS = Path(__file__).parent / "paper"
 QUICK = PRESETS / "quick.toml"
@@ -78,7 +78,8 @@ def main(settings: Paper) -> Path:
     changes = read_fields(QUICK) if settings.quick else {}
     chosen = [name for name in RUN_TITLES if name in settings.pieces]
     with parallel_config(n_jobs=settings.jobs) if settings.jobs > 1 else nullcontext():
-        complete_runs([replace(load_preset(PRESETS / f"{name}.toml", overlays), run=out / name) for name in chosen])
+        runs = [replace(load_preset(PRESETS / f"{name}.toml", overlays), run=out / name) for name in chosen]
+        complete_runs(runs, complete_run)
         if "ablation" in settings.pieces:
             run_ablation(ablation, names, changes, out / "ablation")
     config = load_preset(PRESETS / "siamese.toml", overlays)

@@ -7,7 +7,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from jaxtyping import Float64, Int32, UInt8
@@ -51,23 +51,23 @@ class ScenePoses:
         _demand(bool(np.isfinite(self.location).all()), "location is not finite")
         _demand(bool(np.isin(self.rotation, HEADINGS).all()), f"rotation is none of {HEADINGS}")
 
-    @classmethod
-    def of(cls, scene: Scene) -> Self:
-        """The poses of a scene.
-
-        Args:
-            scene: the scene.
-
-        Returns:
-            Its poses.
-        """
-        return cls(scene.name, scene.room_type, scene.location, scene.rotation)
-
     def check_states(self, name: str, states: Int32[np.ndarray, "n"] | Sequence[int]) -> None:
         """Refuse numbers that are no states of the scene."""
         numbers = np.asarray(states)
         inside = (numbers >= 0) & (numbers < len(self.rotation))
         _demand(numbers.ndim == 1 and len(numbers) > 0 and bool(inside.all()), f"{name} is no state of {self.name}")
+
+
+def poses_of(scene: Scene) -> ScenePoses:
+    """The poses of a scene.
+
+    Args:
+        scene: the scene.
+
+    Returns:
+        Its poses.
+    """
+    return ScenePoses(scene.name, scene.room_type, scene.location, scene.rotation)
 
 
 @dataclass(frozen=True)
@@ -103,52 +103,54 @@ class StateMap:
             _demand(values.shape == self.poses.rotation.shape, f"values of {name} are not one a state")
         _demand(self.limits is None or self.limits[0] < self.limits[1], "limits are not ascending")
 
-    def save(self, path: Path) -> None:
-        """Write the map.
 
-        Args:
-            path: the file, `RunFolder.reward_map` or `RunFolder.distance_map`.
-        """
-        fields = {
-            "scene": self.poses.name,
-            "room_type": self.poses.room_type,
-            "seed": self.seed,
-            "target": self.target,
-            "category": self.category,
-            "methods": list(self.values),
-            "start": self.start,
-            "limits": self.limits,
-        }
-        arrays = {f"{_VALUES}{name}": values for name, values in self.values.items()}
-        arrays |= {"location": self.poses.location, "rotation": self.poses.rotation}
-        save_arrays(path, arrays, {_FIELDS: json.dumps(fields)})
+def save_map(path: Path, saved: StateMap) -> None:
+    """Write a map.
 
-    @classmethod
-    def load(cls, path: Path) -> Self:
-        """Read a map.
+    Args:
+        path: the file, `RunFolder.reward_map` or `RunFolder.distance_map`.
+        saved: the map.
+    """
+    fields = {
+        "scene": saved.poses.name,
+        "room_type": saved.poses.room_type,
+        "seed": saved.seed,
+        "target": saved.target,
+        "category": saved.category,
+        "methods": list(saved.values),
+        "start": saved.start,
+        "limits": saved.limits,
+    }
+    arrays = {f"{_VALUES}{name}": values for name, values in saved.values.items()}
+    arrays |= {"location": saved.poses.location, "rotation": saved.poses.rotation}
+    save_arrays(path, arrays, {_FIELDS: json.dumps(fields)})
 
-        Args:
-            path: the file.
 
-        Returns:
-            The map.
+def load_map(path: Path) -> StateMap:
+    """Read a map.
 
-        Raises:
-            InputError: the file is missing or damaged.
-        """
+    Args:
+        path: the file.
 
-        def build(arrays: Mapping[str, np.ndarray], fields: dict[str, Any]) -> Self:
-            return cls(
-                poses=_poses(arrays, fields),
-                seed=int(fields["seed"]),
-                target=int(fields["target"]),
-                category=str(fields["category"]),
-                values={name: arrays[f"{_VALUES}{name}"].astype(np.float64) for name in fields["methods"]},
-                start=None if fields["start"] is None else int(fields["start"]),
-                limits=None if fields["limits"] is None else (float(fields["limits"][0]), float(fields["limits"][1])),
-            )
+    Returns:
+        The map.
 
-        return _load(path, build)
+    Raises:
+        InputError: the file is missing or damaged.
+    """
+
+    def build(arrays: Mapping[str, np.ndarray], fields: dict[str, Any]) -> StateMap:
+        return StateMap(
+            poses=_poses(arrays, fields),
+            seed=int(fields["seed"]),
+            target=int(fields["target"]),
+            category=str(fields["category"]),
+            values={name: arrays[f"{_VALUES}{name}"].astype(np.float64) for name in fields["methods"]},
+            start=None if fields["start"] is None else int(fields["start"]),
+            limits=None if fields["limits"] is None else (float(fields["limits"][0]), float(fields["limits"][1])),
+        )
+
+    return _load(path, build)
 
 
 @dataclass(frozen=True)
@@ -171,8 +173,8 @@ class SavedEpisode:
     seed: int
     target: int
     category: str
-    path: Int32[np.ndarray, "steps+1"]
-    shortest_path: Int32[np.ndarray, "shortest+1"]
+    path: Int32[np.ndarray, "path"]
+    shortest_path: Int32[np.ndarray, "shortest"]
     target_view: UInt8[np.ndarray, "height width 3"]
 
     def __post_init__(self) -> None:

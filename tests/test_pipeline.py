@@ -32,7 +32,7 @@ def test_the_run_leaves_what_it_promises(first, folder):
     assert (results["task"], results["cap"]) == ("II", 100)
     assert len(results["rows"]) == 5 * 6
     for row in results["rows"]:
-        assert set(row) == {"method", "scene", "room_type", "seed", "episodes", "sr", "ple", "spl"}
+        assert set(row) == {"method", "agent", "scene", "room_type", "seed", "episodes", "sr", "ple", "spl"}
         assert 0 <= row["spl"] <= row["sr"] <= 1
         assert row["episodes"] == 50
     for method in ("rl", "irl", "elm-irl", "relm-irl"):
@@ -40,7 +40,7 @@ def test_the_run_leaves_what_it_promises(first, folder):
         assert float(read_table(folder / "one" / "curves" / f"{method}-seed-0.csv")["frames"][-1]) >= 6000
         assert list((folder / "one" / "tensorboard" / f"{method}-seed-0").glob("events.*"))
     assert not (folder / "one" / "checkpoints").exists()
-    for name in ("config.json", "machine.json", "report.md", "figures/learning.png", "figures/press.png"):
+    for name in ("config.json", "hardware.json", "report.md", "figures/learning.png", "figures/press.png"):
         assert (folder / "one" / name).stat().st_size > 0
     assert sorted((folder / "one" / "figures").glob("reward-*.png"))
     assert "RELM-IRL" in first.stdout

@@ -83,12 +83,12 @@ def bar_figure(bars: Mapping[str, Sequence[MeanInterval]], columns: Sequence[str
     for number, (method, own) in enumerate(bars.items()):
         place = np.arange(len(columns)) + (number - (len(bars) - 1) / 2) * width
         means = [value.mean for value in own]
-        error = np.nan_to_num([value.half_width for value in own])
+        error = [value.half_width for value in own]
         name = method_name(method)
         panel.bar(place, means, 0.92 * width, yerr=error, capsize=3, color=method_colour(method), label=name)
     panel.set_xticks(np.arange(len(columns)), columns)
     panel.set(ylabel=label, ylim=(0, None))
-    panel.legend(frameon=False)
+    figure.legend(loc="outside upper center", ncols=len(bars), frameon=False)
     return figure
 
 

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
-from relm_irl_jax.report.names import in_order, method_name, target_name
+from relm_irl_jax.report.names import in_order, listed, method_name, target_name
 from relm_irl_jax.saved_maps import SHORTEST_PATH, ScenePoses, StateMap
 from relm_irl_jax.scenes.scene import GRID_STEP, HEADINGS
 
@@ -47,7 +47,8 @@ def reward_figure(saved: StateMap) -> Figure:
         The figure.
     """
     values = _finite(saved)
-    low, high = saved.limits or _ends(values)
+    known = _known(values)
+    low, high = saved.limits or (min(known, default=0.0), max(known, default=1.0))
     return _figure(saved, values, ColourScale(low, high, "reward r(s)"))
 
 
@@ -61,7 +62,7 @@ def distance_figure(saved: StateMap) -> Figure:
         The figure.
     """
     values = {name: np.where(own >= 0, own, np.nan) for name, own in _finite(saved).items()}
-    return _figure(saved, values, ColourScale(0.0, _ends(values)[1], "distance in actions"))
+    return _figure(saved, values, ColourScale(0.0, max(_known(values), default=1.0), "distance in actions"))
 
 
 def reward_caption(saved: StateMap, targets: str) -> str:
@@ -76,8 +77,8 @@ def reward_caption(saved: StateMap, targets: str) -> str:
     """
     target = target_name(saved.target, saved.category)
     kind = "a trained target" if targets == "trained" else "a target that was not trained"
-    methods = " and ".join(map(method_name, in_order(saved.values)))
-    start = "" if saved.start is None else f"; predicted rewards start at state {saved.start} (ring)"
+    methods = listed([method_name(name) for name in in_order(saved.values)])
+    start = "" if saved.start is None else f"; predicted for a start at state {saved.start} (ring)"
     return (
         f"Rewards of all states of {saved.poses.name} for {kind}, {target} (star; its arrow is the heading), by "
         f"{methods}, seed {saved.seed}{start}. Each place is four triangles, one a heading"
@@ -95,7 +96,7 @@ def distance_caption(saved: StateMap, task: str) -> str:
         A caption.
     """
     target = target_name(saved.target, saved.category)
-    methods = " and ".join(method_name(name) for name in in_order(saved.values) if name != SHORTEST_PATH)
+    methods = listed([_title(name) for name in _panels(saved) if name != SHORTEST_PATH])
     return (
         f"Actions from every state of {saved.poses.name} to a target of Task {task}, {target} (star; its arrow is the "
         f"heading): along shortest paths, and as learned by {methods}, seed {saved.seed}. Each place is four "
@@ -131,11 +132,9 @@ def _finite(saved: StateMap) -> dict[str, Float64[np.ndarray, "states"]]:
     return {name: np.where(np.isfinite(saved.values[name]), saved.values[name], np.nan) for name in _panels(saved)}
 
 
-def _ends(values: Mapping[str, Float64[np.ndarray, "states"]]) -> tuple[float, float]:
-    """Least and greatest known value, apart from each other."""
-    known = np.concatenate([own[np.isfinite(own)] for own in values.values()])
-    low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 1.0)
-    return low, high if high > low else low + 1.0
+def _known(values: Mapping[str, Float64[np.ndarray, "states"]]) -> list[float]:
+    """All values of all maps that are known."""
+    return np.concatenate([own[np.isfinite(own)] for own in values.values()]).tolist()
 
 
 def _figure(saved: StateMap, values: Mapping[str, Float64[np.ndarray, "states"]], scale: ColourScale) -> Figure:
@@ -157,8 +156,8 @@ def _figure(saved: StateMap, values: Mapping[str, Float64[np.ndarray, "states"]]
         panel.set_axis_off()
     figure.supxlabel("x in metres", fontsize=10)
     figure.supylabel("z in metres", fontsize=10)
-    known = np.concatenate([own[np.isfinite(own)] for own in values.values()])
-    below, above = bool((known < scale.low).any()), bool((known > scale.high).any())
+    known = _known(values)
+    below, above = min(known, default=scale.low) < scale.low, max(known, default=scale.high) > scale.high
     extend = {(False, False): "neither", (True, False): "min", (False, True): "max", (True, True): "both"}[below, above]
     figure.colorbar(collections[0], ax=panels.ravel().tolist(), label=scale.label, shrink=0.8, extend=extend)
     figure.suptitle(f"{saved.poses.name}, target: {target_name(saved.target, saved.category)}")
@@ -171,6 +170,8 @@ def _mark(panel: Axes, saved: StateMap) -> None:
     tip = place + 0.75 * np.array([np.sin(heading), np.cos(heading)])
     panel.plot(*place, "*", color=TARGET_COLOUR, markersize=13, markeredgecolor="white")
     panel.annotate("", tip, place, arrowprops={"arrowstyle": "->", "color": TARGET_COLOUR, "lw": 1.8})
+    panel.update_datalim([tip])
+    panel.autoscale_view()
     if saved.start is not None:
         start = saved.poses.location[saved.start]
         panel.plot(*start, "o", color="none", markersize=9, markeredgecolor=TARGET_COLOUR)

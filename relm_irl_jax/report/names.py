@@ -1,6 +1,6 @@
 """What the report calls methods, agents, metrics, tasks and room types."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 
 METHOD_NAMES = {"random": "Random", "bc": "BC", "rl": "RL", "irl": "IRL", "elm-irl": "ELM-IRL", "relm-irl": "RELM-IRL"}
 """Methods in the order of the tables."""
@@ -30,6 +30,11 @@ def in_order(methods: Collection[str]) -> list[str]:
 def method_name(method: str) -> str:
     """A method's name; of methods that the paper does not know, as it is."""
     return METHOD_NAMES.get(method, method)
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names in a sentence: `a`, `a and b`, `a, b and c`."""
+    return " and ".join(part for part in (", ".join(names[:-1]), *names[-1:]) if part)
 
 
 def metric_name(metric: str) -> str:

@@ -21,7 +21,7 @@ from relm_irl_jax.report.names import heading
 from relm_irl_jax.report.tables import columns_of, interval_of, methods_of, seeds_of
 from relm_irl_jax.results import Results, RewardQualityRow, Task, load_reward_quality
 from relm_irl_jax.run_folder import RunFolder
-from relm_irl_jax.saved_maps import StateMap, load_episodes
+from relm_irl_jax.saved_maps import load_episodes, load_map
 
 CURVELESS = ("random", "bc")
 """Methods whose training meets no episodes."""
@@ -212,7 +212,7 @@ def map_figures(data: RunData) -> list[DrawnFigure]:
     drawn = []
     for task in data.results:
         for file in data.folder.distance_maps(task):
-            saved = data.read(StateMap.load, file)
+            saved = data.read(load_map, file)
             if saved is not None:
                 path = data.folder.figure(file.stem)
                 save_figure(distance_figure(saved), path, map_columns(saved))
@@ -222,7 +222,7 @@ def map_figures(data: RunData) -> list[DrawnFigure]:
         data.faults.append(f"{data.folder.path}: holds no maps of rewards.")
     for targets in ("trained", "new"):
         for file in data.folder.reward_maps(targets):
-            saved = data.read(StateMap.load, file)
+            saved = data.read(load_map, file)
             if saved is not None:
                 path = data.folder.figure(file.stem)
                 save_figure(reward_figure(saved), path, map_columns(saved))

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
@@ -16,7 +17,7 @@ from relm_irl_jax.report.names import metric_name
 from relm_irl_jax.report.tables import MEAN, by_seed
 from relm_irl_jax.results import TASKS, load_all_results, load_reward_quality
 from relm_irl_jax.run_folder import RunFolder
-from relm_irl_jax.studies.study import complete_runs, is_finished
+from relm_irl_jax.studies.study import complete_run, complete_runs, is_finished
 
 BASE = "base"
 """Name of the runs that variants are compared with."""
@@ -144,7 +145,7 @@ def run_ablation(ablation: Ablation, names: Sequence[str], changes: Mapping[str,
     variants = [(name, agent) for name in names for agent in ablation.variants[name].agents]
     bases = [(BASE, agent) for agent in dict.fromkeys(agent for _, agent in variants)]
     runs = [variant_config(ablation, name, agent, changes, folder) for name, agent in (*bases, *variants)]
-    complete_runs(runs, maps=False)
+    complete_runs(runs, partial(complete_run, maps=False))
 
 
 def ablation_rows(ablation: Ablation, changes: Mapping[str, Any], folder: Path) -> list[AblationRow]:

@@ -1,9 +1,12 @@
 """The page of the whole study: tables and figures of all runs, the regressor's figures, and the ablations."""
 
-import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
+from typing import ParamSpec
 
+from relm_irl_jax.config import config_from_record, read_record
+from relm_irl_jax.errors import InputError
 from relm_irl_jax.files import read_numbers, read_table, write_table
 from relm_irl_jax.report.comparison import PairedDifference, differences, statement
 from relm_irl_jax.report.intervals import MeanInterval
@@ -11,6 +14,8 @@ from relm_irl_jax.report.run_report import circumstances, run_sections, write_pa
 from relm_irl_jax.results import load_all_results
 from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.studies.ablation import AblationRow, ablation_columns, ablation_table
+
+P = ParamSpec("P")
 
 CLAIM = (
     "The paper claims that rewards predicted by a regularised extreme learning machine (RELM-IRL) navigate better than "
@@ -41,20 +46,34 @@ def write_study(out: Path, ablation: Sequence[AblationRow]) -> Path:
     runs = {name: RunFolder(out / name) for name in RUN_TITLES if list((out / name).glob("results-*.json"))}
     text = ["# RELM-IRL: every table and figure, measured", "", CLAIM, ""]
     for name, folder in runs.items():
-        found = differences(load_all_results(folder))
-        text += [f"**{RUN_TITLES[name]}.** {tally(found)}", "", *(f"- {line}" for line in statement(found)), ""]
+        text += _readable(_findings, folder, RUN_TITLES[name])
     text += [
         "These sentences are worded by the intervals alone: *ahead of* and *behind* where the 95% interval of the "
         "difference over seeds excludes zero. Seeds are 0, 1, …; none is left out.",
         "",
     ]
     for name, folder in runs.items():
-        text += [f"## {RUN_TITLES[name]}", "", *run_sections(folder, out, "###", worded=False)]
-    text += [*_regressor(out), *_ablation(out, ablation), *_stability(out)]
+        sections = partial(run_sections, worded=False)
+        text += [f"## {RUN_TITLES[name]}", "", *_readable(sections, folder, out, "###")]
+    text += [*_readable(_regressor, out), *_ablation(out, ablation), *_readable(_stability, out)]
     text += ["Rewards that runs share are learned once; their seconds are counted in the run that learned them.", ""]
     for name, folder in runs.items():
-        text += [f"## Circumstances: {RUN_TITLES[name]}", "", *circumstances(folder, "###")]
+        text += [f"## Circumstances: {RUN_TITLES[name]}", "", *_readable(circumstances, folder, "###")]
     return write_page(text, out)
+
+
+def _readable(section: Callable[P, list[str]], *arguments: P.args, **named: P.kwargs) -> list[str]:
+    """A section of the page; one line where what it shows is missing or damaged."""
+    try:
+        return section(*arguments, **named)
+    except InputError as error:
+        return [f"Not shown: {error}", ""]
+
+
+def _findings(folder: RunFolder, title: str) -> list[str]:
+    """What the intervals of a run say."""
+    found = differences(load_all_results(folder))
+    return [f"**{title}.** {tally(found)}", "", *(f"- {line}" for line in statement(found)), ""]
 
 
 def tally(found: Sequence[PairedDifference]) -> str:
@@ -80,12 +99,13 @@ def _regressor(out: Path) -> list[str]:
     if not (out / "elm" / "choices.csv").exists():
         return []
     accuracy = read_numbers(out / "elm" / "accuracy.csv", ["seed", "elm_r2", "relm_r2", "kept"])
-    config = json.loads((out / "elm" / "settings.json").read_text())["config"]
+    settings = out / "elm" / "settings.json"
+    elm = config_from_record(read_record(settings).get("config", {}), str(settings)).elm
     return [
         "## What the extreme learning machine learns (Figures 7 to 10)",
         "",
-        f"One target in six is held out with all its pairs; at most {config['elm']['pairs']} pairs are fitted, "
-        f"{config['elm']['hidden']} neurons before selection; {len(accuracy['seed'])} seeds. The paper neither says "
+        f"One target in six is held out with all its pairs; at most {elm.pairs} pairs are fitted, "
+        f"{elm.hidden} neurons before selection; {len(accuracy['seed'])} seeds. The paper neither says "
         "how its test set was drawn nor defines its accuracy; R² is 1 for a perfect prediction.",
         "",
         "![R² against the number of hidden neurons](elm/figure-7.png)",

@@ -3,7 +3,7 @@
 Runs go through `joblib.Parallel`, by default one after the other in this process. Its context sends them elsewhere:
 
     with joblib.parallel_config(backend="loky", n_jobs=4):   # or "dask", "ray", ...
-        complete_runs(configs)
+        complete_runs(configs, complete_run)
 
 Runs that follow each other in one process share encoded scenes and learned rewards as far as their configurations
 agree; other processes learn them again. A run writes to its own folder alone, which all processes must see.
@@ -11,8 +11,9 @@ agree; other processes learn them again. A run writes to its own folder alone, w
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import lru_cache, partial
+from functools import lru_cache
 from pathlib import Path
+from typing import TypeVar
 
 from joblib import Parallel, delayed
 
@@ -35,6 +36,8 @@ DEMONSTRATION_FIELDS = (*SCENE_FIELDS, "tasks", "irl")
 PREDICTION_FIELDS = (*DEMONSTRATION_FIELDS, "elm")
 """Fields on which the regressors depend."""
 
+Run = TypeVar("Run")
+
 
 def load_preset(path: Path, overlays: Sequence[Path] = ()) -> Config:
     """Read a configuration, and lay others over it.
@@ -55,17 +58,14 @@ def load_preset(path: Path, overlays: Sequence[Path] = ()) -> Config:
     return config
 
 
-def complete_runs(
-    configs: Sequence[Config], *, maps: bool = True, complete: Callable[[Config], object] | None = None
-) -> None:
+def complete_runs(runs: Sequence[Run], complete: Callable[[Run], object]) -> None:
     """Complete runs as joblib's context says, by default one after the other in this process.
 
     Args:
-        configs: the configurations; `run` names the folder of each.
-        maps: whether to save maps of episodes and rewards.
-        complete: completes one run, `complete_run` by default.
+        runs: the runs, such as their configurations.
+        complete: completes one, such as `complete_run`.
     """
-    Parallel()(delayed(complete or partial(complete_run, maps=maps))(config) for config in configs)
+    Parallel()(delayed(complete)(run) for run in runs)
 
 
 def complete_run(config: Config, *, maps: bool = True) -> None:
