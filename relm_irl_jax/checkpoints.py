@@ -11,7 +11,7 @@ from importlib import import_module
 from pathlib import Path
 from shutil import rmtree
 from textwrap import shorten
-from typing import Any, Self
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -37,7 +37,7 @@ class Checkpoints:
         self.path, self.config = path, config
         self._opened: Any = None
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> "Checkpoints":
         return self
 
     def __exit__(self, *_: object) -> None:

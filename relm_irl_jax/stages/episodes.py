@@ -10,7 +10,7 @@ from relm_irl_jax.config import Config, Method, Task
 from relm_irl_jax.evaluation import trace_episodes
 from relm_irl_jax.experts import shortest_path_expert, walk
 from relm_irl_jax.run_folder import RunFolder
-from relm_irl_jax.saved_maps import SavedEpisode, ScenePoses, save_episodes
+from relm_irl_jax.saved_maps import SavedEpisode, poses_of, save_episodes
 from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.scenes.selection import training_scenes, unseen_scenes
 from relm_irl_jax.stages.encoding import EncodedScenes
@@ -119,7 +119,7 @@ def save_shown_episodes(config: Config, folder: RunFolder, training: EncodedScen
         if scene.room_type in shown:
             continue
         shown[scene.room_type] = SavedEpisode(
-            ScenePoses.of(scene),
+            poses_of(scene),
             method=choice.method,
             seed=choice.seed,
             target=path.target,

@@ -15,7 +15,7 @@ from relm_irl_jax.parameters import load_parameters
 from relm_irl_jax.progress import progress_bar
 from relm_irl_jax.results import ResultRow, Results, save_results
 from relm_irl_jax.run_folder import RunFolder
-from relm_irl_jax.saved_maps import SHORTEST_PATH, ScenePoses, StateMap
+from relm_irl_jax.saved_maps import SHORTEST_PATH, StateMap, poses_of, save_map
 from relm_irl_jax.scenes.scene import first_of_each_type
 from relm_irl_jax.stages.encoding import EncodedScenes
 from relm_irl_jax.stages.make_agent import make_agent
@@ -121,6 +121,5 @@ def _save_distances(folder: RunFolder, task: EvaluationTask, policies: Mapping[M
         for method, policy in policies.items():
             learned = policy.distance_to(jnp.int32(row))[first : first + scene.n_states]
             values[method] = np.asarray(learned, float)
-        poses = ScenePoses.of(scene)
-        state_map = StateMap(poses, task.seed, target.state, target.category, values)
-        state_map.save(folder.distance_map(task.name, room_type))
+        state_map = StateMap(poses_of(scene), task.seed, target.state, target.category, values)
+        save_map(folder.distance_map(task.name, room_type), state_map)

@@ -14,7 +14,7 @@ from relm_irl_jax.rewards.learned import LearnedRewards, learn_rewards
 from relm_irl_jax.rewards.predicted import RewardPredictor
 from relm_irl_jax.rewards.quality import RewardQuality, predicted_reward_quality, reward_quality
 from relm_irl_jax.run_folder import RunFolder
-from relm_irl_jax.saved_maps import ScenePoses, StateMap
+from relm_irl_jax.saved_maps import StateMap, poses_of, save_map
 from relm_irl_jax.scenes.scene import Scene, first_of_each_type
 from relm_irl_jax.tasks import Target, TaskSplit
 
@@ -164,7 +164,7 @@ def _save_maps(scenes: Sequence[Scene], split: TaskSplit, learned: LearnedReward
                 assert predictor is not None
                 weights[method] = predictor.weights(number, np.asarray([start]), np.asarray([target.state]))[0]
             state_map = StateMap(
-                poses=ScenePoses.of(scenes[number]),
+                poses=poses_of(scenes[number]),
                 seed=0,
                 target=target.state,
                 category=target.category,
@@ -172,7 +172,7 @@ def _save_maps(scenes: Sequence[Scene], split: TaskSplit, learned: LearnedReward
                 start=start,
                 limits=(-float(learned.form.r_max), 0.0 if learned.form.relative else float(learned.form.r_max)),
             )
-            state_map.save(folder.reward_map(name, room_type))
+            save_map(folder.reward_map(name, room_type), state_map)
 
 
 def _paid(learned: LearnedRewards, target: Target, weights: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""What the host does between two chunks of a training: move the bar, write TensorBoard's scalars, keep checkpoints."""
+"""The log of a training in a run folder: progress bar, TensorBoard's scalars, checkpoints."""
 
 import math
 import sys
@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from importlib import import_module
 from pathlib import Path
 from shutil import rmtree
-from typing import Any, Self
+from typing import Any
 
 import jax
 
@@ -24,7 +24,7 @@ FLUSH_SECONDS = 10
 
 
 class RunFolderLog(TrainingLog):
-    """The record of one training in a run folder; to be used in a `with` statement.
+    """Keeps the progress of one training in a run folder; to be used in a `with` statement.
 
     Several processes that train together keep no checkpoints, since their folders need not be shared; the first of
     them alone writes TensorBoard's scalars.
@@ -50,7 +50,7 @@ class RunFolderLog(TrainingLog):
         if jax.process_count() == 1:
             self._checkpoints = self._closing.enter_context(Checkpoints(folder.checkpoints(method, seed), config))
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> "RunFolderLog":
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -64,7 +64,7 @@ class RunFolderLog(TrainingLog):
             try:
                 state, rows = self._checkpoints.restore(state) or (state, rows)
             except InputError as error:
-                console.print(f"{error} This training begins anew.", highlight=False, soft_wrap=True)
+                console.print(f"{error} This training starts again.", highlight=False, soft_wrap=True)
                 self._checkpoints.remove()
         if self._board is not None:
             # Written from the first row on again: what was lost with an earlier attempt is made up for.

@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 from typing import ParamSpec
 
-from relm_irl_jax.config import config_from_record, read_record
+from relm_irl_jax.config import config_from_dict, read_fields
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.files import read_numbers, read_table, write_table
 from relm_irl_jax.report.comparison import PairedDifference, differences, statement
@@ -100,7 +100,7 @@ def _regressor(out: Path) -> list[str]:
         return []
     accuracy = read_numbers(out / "elm" / "accuracy.csv", ["seed", "elm_r2", "relm_r2", "kept"])
     settings = out / "elm" / "settings.json"
-    elm = config_from_record(read_record(settings).get("config", {}), str(settings)).elm
+    elm = config_from_dict(read_fields(settings).get("config", {}), str(settings)).elm
     return [
         "## What the extreme learning machine learns (Figures 7 to 10)",
         "",
