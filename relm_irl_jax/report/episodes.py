@@ -9,7 +9,7 @@ from matplotlib.collections import PatchCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from relm_irl_jax.experts import shortest_path_expert, walk
+from relm_irl_jax.experts import follow_expert, shortest_path_expert
 from relm_irl_jax.scenes.scene import GRID_STEP, Scene
 
 
@@ -63,7 +63,7 @@ def episode_table(episodes: Sequence[tuple[Scene, Int32[np.ndarray, "steps+1"], 
 
 def _shortest(scene: Scene, states: Int32[np.ndarray, "steps+1"], target: int) -> Int32[np.ndarray, "least+1"]:
     """States along a shortest way from where the walk began."""
-    return walk(scene, shortest_path_expert(scene, target), int(states[0])).states
+    return follow_expert(scene, shortest_path_expert(scene, target), int(states[0])).states
 
 
 def _map(panel: Axes, scene: Scene, states: Int32[np.ndarray, "steps+1"], target: int) -> None:

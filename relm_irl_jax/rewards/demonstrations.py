@@ -16,12 +16,12 @@ from pydantic import Field, NonNegativeInt, PositiveInt
 from pydantic.dataclasses import dataclass as settings_dataclass
 
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.experts import Trajectory, expert_trajectories, shortest_path_expert, sub_walks
-from relm_irl_jax.irl import MaxMarginProblem, MaxMarginSettings, MethodSettings, Solution, learn
+from relm_irl_jax.experts import Trajectory, shortest_path_expert, shortest_path_trajectories, sub_trajectories
+from relm_irl_jax.irl import IrlMethodSettings, MaxMarginProblem, MaxMarginSettings, Solution, learn_weights
 from relm_irl_jax.irl.apprenticeship import ApprenticeshipSettings
-from relm_irl_jax.irl.maxent import MaxEntSettings
+from relm_irl_jax.irl.max_entropy import MaxEntropySettings
+from relm_irl_jax.irl.max_margin_planning import MaxMarginPlanningSettings
 from relm_irl_jax.irl.methods import Method
-from relm_irl_jax.irl.planning import PlanningSettings
 from relm_irl_jax.scenes.scene import Scene, successors
 from relm_irl_jax.tasks import Target, TaskSplit
 
@@ -39,16 +39,16 @@ class IrlSettings:
     sub_walks: bool = True
     """Let states along the demonstrations serve as further targets for the extreme learning machine."""
     method: Method = "max-margin"
-    """Where w comes from: `max-margin` (the paper's), `apprenticeship` (Abbeel and Ng), `planning` (Ratliff) or
-    `maxent` (Ziebart)."""
-    program: MaxMarginSettings = MaxMarginSettings(regularisation=10.0, pure_share=False)
+    """Where w comes from: `max-margin` (the paper's), `apprenticeship` (Abbeel and Ng), `max-margin-planning`
+    (Ratliff) or `max-entropy` (Ziebart)."""
+    program: MaxMarginSettings = MaxMarginSettings(regularisation=10.0, compare_with_lp=False)
     """The maximum-margin program; its form, discount and r_max hold for all methods. λ = 10 keeps 94% of the linear
     program's objective, and weights predicted for new targets rank them far higher than with a smaller λ."""
     apprenticeship: ApprenticeshipSettings = ApprenticeshipSettings()
     """Apprenticeship learning."""
-    planning: PlanningSettings = PlanningSettings()
+    planning: MaxMarginPlanningSettings = MaxMarginPlanningSettings()
     """Maximum-margin planning."""
-    maxent: MaxEntSettings = MaxEntSettings()
+    maxent: MaxEntropySettings = MaxEntropySettings()
     """Maximum-entropy IRL."""
     least_cost: Annotated[float, Field(ge=0, le=1)] = 0.6
     """Least cost of a step in the learned reward, as a share of r_max; with 0, states of no cost invite to stay. Ways
@@ -132,7 +132,7 @@ def demonstrate(scene: Scene, target: Target, count: int, generator: np.random.G
         The walks.
     """
     able = np.flatnonzero(scene.shortest_path_distance[:, target.state] > 0)
-    return expert_trajectories(scene, target.state, generator.choice(able, min(count, len(able)), replace=False))
+    return shortest_path_trajectories(scene, target.state, generator.choice(able, min(count, len(able)), replace=False))
 
 
 def demonstrations_of(
@@ -185,7 +185,9 @@ def learn_rewards(
             ]
             trained = {target.state for target in split.training if target.scene == number}
             forbidden = split.evaluation_only(number) | trained
-            asked += [(Target(number, end), starts, False) for end, starts in sub_walks(inside, forbidden).items()]
+            asked += [
+                (Target(number, end), starts, False) for end, starts in sub_trajectories(inside, forbidden).items()
+            ]
     features = [basis(scene.encoded) for scene in scenes]
     following = [successors(scene.graph) for scene in scenes]
     problems = [
@@ -198,10 +200,10 @@ def learn_rewards(
         )
         for target, states, _ in asked
     ]
-    source = MethodSettings(
+    source = IrlMethodSettings(
         settings.method, settings.program, settings.apprenticeship, settings.planning, settings.maxent
     )
-    solutions = learn(problems, source, settings.processes or None)
+    solutions = learn_weights(problems, source, settings.processes or None)
     for (_, _, trained), solution in zip(asked, solutions, strict=True):
         if trained and not solution.solved:
             raise InputError(

@@ -10,7 +10,7 @@ from relm_irl_jax.agent.siamese.cloning import clone, decisions_of, views_along
 from relm_irl_jax.agent.siamese.frames import forward, tabulate
 from relm_irl_jax.agent.siamese.train import network_of
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.experts import expert_trajectories
+from relm_irl_jax.experts import shortest_path_trajectories
 from relm_irl_jax.tasks import Target
 from relm_irl_jax.world import build_targets, build_world
 
@@ -22,7 +22,8 @@ def two_rooms():
         grid_scene(3, 2, name="bedroom-0", features=generator.normal(size=(24, 20)).astype(np.float32)),
     ]
     targets = [Target(0, 3), Target(1, 20)]
-    walks = [expert_trajectories(scenes[t.scene], t.state, [(t.state + 9) % 16, (t.state + 2) % 16]) for t in targets]
+    starts = [[(t.state + 9) % 16, (t.state + 2) % 16] for t in targets]
+    walks = [shortest_path_trajectories(scenes[t.scene], t.state, own) for t, own in zip(targets, starts, strict=True)]
     views = np.concatenate([views_along(w.states[:-1] + 16 * row, 1) for row, own in enumerate(walks) for w in own])
     target = np.concatenate([np.full(len(w.actions), row) for row, own in enumerate(walks) for w in own])
     action = np.concatenate([w.actions for own in walks for w in own])

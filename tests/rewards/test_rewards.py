@@ -115,7 +115,7 @@ def test_demonstrations_keep_clear_of_evaluation_targets(rooms, split, learned):
         assert (distance[record.starts, record.target.state] > 0).all()
 
 
-@pytest.mark.parametrize("method", ["apprenticeship", "planning", "maxent"])
+@pytest.mark.parametrize("method", ["apprenticeship", "max-margin-planning", "max-entropy"])
 def test_weights_may_come_from_another_method(rooms, split, method):
     settings = replace(IRL, method=method, sub_walks=False)
     basis = fit_basis(rooms, settings.dimension)
