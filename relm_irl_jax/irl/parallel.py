@@ -100,8 +100,10 @@ def solve_many(
 
 def _count_workers(processes: int | None, n_chunks: int) -> int:
     """Number of workers worth having; raises whatever joblib's backend raises if it has no workers."""
+    if processes == 1:
+        return 1
     backend, configured = get_active_backend()
-    return min(backend.effective_n_jobs(processes or configured or -1) if processes != 1 else 1, max(n_chunks, 1))
+    return min(backend.effective_n_jobs(processes or configured or -1), max(n_chunks, 1))
 
 
 def _solve_here(

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pydantic.dataclasses import dataclass as pydantic_dataclass
 
 from relm_irl_jax.irl import IrlMethodSettings, MaxMarginSettings, Status, feature_expectations, learn_weights, reward
 from relm_irl_jax.irl.apprenticeship import ApprenticeshipSettings
@@ -57,6 +58,21 @@ def test_a_problem_that_cannot_be_stated_is_kept_apart(method):
     assert solutions[0].status is Status.INVALID
     assert "bad" in solutions[0].message
     assert solutions[1].solved
+
+
+@pydantic_dataclass(frozen=True)
+class WithTrajectories(IrlMethodSettings):
+    """Settings as a user of this package has them: a default of its own, and a field of its own."""
+
+    max_margin: MaxMarginSettings = MaxMarginSettings(variant="lp", discount=0.5)
+    trajectories: int = 16
+
+
+def test_settings_may_inherit_the_choice_of_method():
+    (own,) = learn_weights([corridor(np.eye(4))], WithTrajectories(), processes=1)
+    assert own.objective == pytest.approx(1.75, rel=1e-6)
+    (other,) = learn_weights([corridor(np.eye(4))], WithTrajectories(method="max-margin-planning"), processes=1)
+    np.testing.assert_allclose(np.abs(reward(np.eye(4), 3, other.w)).max(), 1.0)
 
 
 @pytest.mark.parametrize("form", ["cost", "free"])
