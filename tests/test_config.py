@@ -31,11 +31,14 @@ def test_there_are_experiments():
         ("frames = 0", r"c\.toml: frames = 0 is refused: input should be greater than 0"),
         ('task = "IV"', r"c\.toml: task = 'IV' is refused"),
         ("[siamese]\nworkres = 3", r"c\.toml: unknown field `siamese\.workres`; did you mean `siamese\.workers`\?"),
-        ("[irl.program]\nx = 3\n[siamese]\nwidth = 0", r"unknown field `irl\.program\.x`; known here are form, .*"),
+        (
+            "[irl.max_margin]\nx = 3\n[siamese]\nwidth = 0",
+            r"unknown field `irl\.max_margin\.x`; known here are form, .*",
+        ),
         ("frames = 0\nworkres = 3", r"c\.toml: unknown field `workres`; known here are task, methods, .*"),
         ("[anything.at.all]\nx = 1", r"c\.toml: unknown field `anything`; known here are task, .*"),
         ("siamese = 3", r"c\.toml: `siamese` is a group of fields; write `siamese\.FIELD`"),
-        ("irl.program = 3", r"c\.toml: `irl\.program` is a group of fields; write `irl\.program\.FIELD`"),
+        ("irl.max_margin = 3", r"c\.toml: `irl\.max_margin` is a group of fields; write `irl\.max_margin\.FIELD`"),
         ("frames.x = 3", r"c\.toml: frames = {'x': 3} is refused: input should be a valid integer"),
         ("frames = = 3", r"c\.toml: is not valid TOML"),
     ],
@@ -54,9 +57,9 @@ def test_a_json_file_without_fields_is_refused(tmp_path):
 
 
 def test_a_file_that_names_one_field_of_a_group_leaves_its_neighbours(tmp_path):
-    (tmp_path / "c.toml").write_text('[irl.program]\nvariant = "lp-l1"')
-    program = load_config(tmp_path / "c.toml").irl.program
-    assert program == replace(Config().irl.program, variant="lp-l1")
+    (tmp_path / "c.toml").write_text('[irl.max_margin]\nvariant = "lp-l1"')
+    program = load_config(tmp_path / "c.toml").irl.max_margin
+    assert program == replace(Config().irl.max_margin, variant="lp-l1")
 
 
 def test_a_missing_file_is_named(tmp_path):

@@ -13,8 +13,8 @@ import numpy as np
 from jaxtyping import Float64, Int32
 
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.experts import Trajectory, expert_trajectories, shortest_path_expert, sub_walks
-from relm_irl_jax.irl import MaxMarginProblem, MethodSettings, Solution, learn
+from relm_irl_jax.experts import Trajectory, shortest_path_expert, shortest_path_trajectories, sub_trajectories
+from relm_irl_jax.irl import MaxMarginProblem, Solution, learn_weights
 from relm_irl_jax.rewards.settings import IrlSettings
 from relm_irl_jax.scenes.scene import Scene, successors
 from relm_irl_jax.tasks import Target, TaskSplit
@@ -59,7 +59,7 @@ def demonstrate(scene: Scene, target: Target, count: int, generator: np.random.G
         The trajectories.
     """
     able = np.flatnonzero(scene.shortest_path_distance[:, target.state] > 0)
-    return expert_trajectories(scene, target.state, generator.choice(able, min(count, len(able)), replace=False))
+    return shortest_path_trajectories(scene, target.state, generator.choice(able, min(count, len(able)), replace=False))
 
 
 def demonstrate_targets(
@@ -115,10 +115,7 @@ def learn_demonstrated_rewards(
         )
         for question in questions
     ]
-    method = MethodSettings(
-        settings.method, settings.program, settings.apprenticeship, settings.planning, settings.maxent
-    )
-    solutions = learn(problems, method, settings.processes or None)
+    solutions = learn_weights(problems, settings, settings.processes or None)
     for question, solution in zip(questions, solutions, strict=True):
         if question.trained and not solution.solved:
             raise InputError(
@@ -151,6 +148,6 @@ def _questions(
         trained = {target.state for target in split.training if target.scene == number}
         forbidden = split.evaluation_only(number) | trained
         questions += [
-            _Question(Target(number, end), starts, False) for end, starts in sub_walks(inside, forbidden).items()
+            _Question(Target(number, end), starts, False) for end, starts in sub_trajectories(inside, forbidden).items()
         ]
     return questions

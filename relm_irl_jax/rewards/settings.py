@@ -5,11 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
 from pydantic.dataclasses import dataclass
 
-from relm_irl_jax.irl import MaxMarginSettings
-from relm_irl_jax.irl.apprenticeship import ApprenticeshipSettings
-from relm_irl_jax.irl.maxent import MaxEntSettings
-from relm_irl_jax.irl.methods import Method
-from relm_irl_jax.irl.planning import PlanningSettings
+from relm_irl_jax.irl import IrlMethodSettings, MaxMarginSettings
 from relm_irl_jax.rewards.equation import LinearRewardForm
 
 
@@ -26,9 +22,12 @@ class ManualSettings:
 
 
 @dataclass(frozen=True)
-class IrlSettings:
+class IrlSettings(IrlMethodSettings):
     """Demonstrations, and inverse reinforcement learning from them."""
 
+    max_margin: MaxMarginSettings = MaxMarginSettings(regularisation=10.0, compare_with_lp=False)
+    """The maximum-margin program; its form, discount and r_max hold for all methods. λ = 10 keeps 94% of the linear
+    program's objective, and weights predicted for new targets rank them far higher than with a smaller λ."""
     trajectories: PositiveInt = 16
     """Expert trajectories for each training target, from distinct random starts."""
     pooling: Literal["target", "trajectory"] = "target"
@@ -38,18 +37,6 @@ class IrlSettings:
     sub_trajectories: bool = True
     """Let states along the demonstrations serve as further targets for the extreme learning machine: a part of a
     shortest path is a shortest path."""
-    method: Method = "max-margin"
-    """Where w comes from: `max-margin` (the paper's), `apprenticeship` (Abbeel and Ng), `planning` (Ratliff) or
-    `maxent` (Ziebart)."""
-    program: MaxMarginSettings = MaxMarginSettings(regularisation=10.0, pure_share=False)
-    """The maximum-margin program; its form, discount and r_max hold for all methods. λ = 10 keeps 94% of the linear
-    program's objective, and weights predicted for new targets rank them far higher than with a smaller λ."""
-    apprenticeship: ApprenticeshipSettings = ApprenticeshipSettings()
-    """Apprenticeship learning."""
-    planning: PlanningSettings = PlanningSettings()
-    """Maximum-margin planning."""
-    maxent: MaxEntSettings = MaxEntSettings()
-    """Maximum-entropy IRL."""
     minimum_cost: Annotated[float, Field(ge=0, le=1)] = 0.6
     """Smallest cost of a step in the learned reward, as a share of r_max; with 0, states that cost nothing invite the
     agent to stay. Paths that are optimal under predicted rewards are longer than the shortest by 0.9% with 0.3 and by
@@ -59,12 +46,12 @@ class IrlSettings:
     Larger returns train less reliably, smaller ones are dominated by the entropy bonus (IRL on Task I: SPL 0.92 with
     6, 0.90 with 10)."""
     processes: Annotated[int, Field(ge=0)] = 0
-    """Processes that solve problems in parallel; 0 takes one for each core."""
+    """Processes that solve problems in parallel; 0 takes one for each core, or what joblib is configured for."""
 
     def form(self) -> LinearRewardForm:
         """Bounds of the learned reward."""
-        r_max = self.program.r_max
-        return LinearRewardForm(r_max, self.minimum_cost * r_max, self.program.form == "cost")
+        r_max = self.max_margin.r_max
+        return LinearRewardForm(r_max, self.minimum_cost * r_max, self.max_margin.form == "cost")
 
 
 @dataclass(frozen=True)

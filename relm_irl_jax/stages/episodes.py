@@ -8,7 +8,7 @@ from jaxtyping import Int32
 
 from relm_irl_jax.config import Config, Method, Task
 from relm_irl_jax.evaluation import trace_episodes
-from relm_irl_jax.experts import shortest_path_expert, walk
+from relm_irl_jax.experts import follow_expert, shortest_path_expert
 from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.saved_maps import SavedEpisode, poses_of, save_episodes
 from relm_irl_jax.scenes.scene import Scene
@@ -125,7 +125,7 @@ def save_shown_episodes(config: Config, folder: RunFolder, training: EncodedScen
             target=path.target,
             category=category[number, path.target],
             path=path.states,
-            shortest_path=walk(scene, shortest_path_expert(scene, path.target), int(path.states[0])).states,
+            shortest_path=follow_expert(scene, shortest_path_expert(scene, path.target), int(path.states[0])).states,
             target_view=scene.views[path.target],
         )
     save_episodes(folder.episodes(choice.task), list(shown.values()))

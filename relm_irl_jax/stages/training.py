@@ -70,7 +70,7 @@ def training_problem(config: Config, method: Method, inputs: SeedInputs, agent: 
         targets = with_predicted_reward(targets, scenes, split.training, predictor)
     # The hand-made reward needs no scale: one step more or less changes its return about as much as it changes a
     # learned reward's scaled return, so that the entropy bonus weighs alike in both.
-    learned_scale = config.irl.program.r_max * config.irl.cost_horizon
+    learned_scale = config.irl.max_margin.r_max * config.irl.cost_horizon
     return TrainingProblem(
         world=standardised_world(scenes, scenes),
         targets=targets,

@@ -5,7 +5,7 @@ import numpy as np
 from builders import grid_scene
 
 from relm_irl_jax.agents.settings import SiameseSettings
-from relm_irl_jax.experts import expert_trajectories
+from relm_irl_jax.experts import shortest_path_trajectories
 from relm_irl_jax.rewards.functions import ManualReward
 from relm_irl_jax.tasks import Target
 from relm_irl_jax.types import Demonstrations, TrainingProblem
@@ -44,7 +44,7 @@ def demonstrations():
     state, target, action, step = [], [], [], []
     for row, chosen in enumerate(TARGETS):
         starts = [(chosen.state + 9) % 16, (chosen.state + 2) % 16]
-        for trajectory in expert_trajectories(scenes[chosen.scene], chosen.state, starts):
+        for trajectory in shortest_path_trajectories(scenes[chosen.scene], chosen.state, starts):
             state.append(trajectory.states[:-1] + offsets[chosen.scene])
             action.append(trajectory.actions)
             target.append(np.full(len(trajectory.actions), row))

@@ -142,7 +142,7 @@ def test_demonstrations_keep_clear_of_evaluation_targets(rooms, split, learned):
         assert (distance[record.starts, record.target.state] > 0).all()
 
 
-@pytest.mark.parametrize("method", ["apprenticeship", "planning", "maxent"])
+@pytest.mark.parametrize("method", ["apprenticeship", "max-margin-planning", "max-entropy"])
 def test_weights_may_come_from_another_method(rooms, split, method):
     found = learn_demonstrated(rooms, split, replace(IRL, method=method, sub_trajectories=False), 0)
     assert [record.target for record in found.demonstrated] == list(split.training)

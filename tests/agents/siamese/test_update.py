@@ -72,9 +72,7 @@ def test_memory_of_metrics_does_not_grow_with_updates(prepared):
 
 def test_pairs_are_for_one_view_and_many_frames():
     frames = lambda **changes: (
-        prepare(  # noqa: E731
-            jax.random.key(0), problem(cap=50), dataclasses.replace(SMALL, **changes)
-        )[1].pairs
+        prepare(jax.random.key(0), problem(cap=50), dataclasses.replace(SMALL, **changes))[1].pairs
     )
     assert frames(workers=14, t_max=4) is not None  # 56 pairs and frames
     assert frames(workers=12, t_max=4) is None

@@ -1,6 +1,7 @@
-"""Clarabel on a program's standard form, min ½xᵀPx + qᵀx subject to Ax + s = b and s ≥ 0.
+"""Clarabel, a general conic solver, applied to the maximum-margin program and to other quadratic programs.
 
-The method of choice where the program is sparse, and the one to fall back on anywhere.
+Clarabel's standard form is min ½xᵀPx + qᵀx subject to Ax + s = b, s in a cone. It is used for sparse maximum-margin
+programs, and for dense ones if `interior_point.py` does not reach an optimum.
 """
 
 import numpy as np
@@ -13,8 +14,8 @@ from clarabel import (
 from jaxtyping import Float64
 from scipy.sparse import block_array, csc_array, csr_array, eye_array, triu
 
-from relm_irl_jax.irl.problem import Status
-from relm_irl_jax.irl.program import Multipliers, Program
+from relm_irl_jax.irl.convex_program import ConvexProgram, DualVariables
+from relm_irl_jax.irl.solution import Status
 
 _STATUS = {
     "Solved": Status.OPTIMAL,
@@ -27,56 +28,56 @@ _STATUS = {
 }
 
 
-def conic(program: Program) -> tuple[Status, Float64[np.ndarray, "rank"], Multipliers]:
-    """Solve a program.
+def solve_with_clarabel(program: ConvexProgram) -> tuple[Status, Float64[np.ndarray, "rank"], DualVariables]:
+    """Solve a maximum-margin program with Clarabel.
 
     Args:
         program: the program.
 
     Returns:
-        How the solver says it ended, c and the multipliers, to be judged by `Program.bound`.
+        Clarabel's own status, the point c and the dual variables. `ConvexProgram.dual_bound` certifies them.
     """
     n_states, n_margins, rank = len(program.lower), program.n_margins, program.rank
-    rows, owners = program.stacked_rows()
-    n_rows = len(owners)
+    rows, margin_index = program.rows_with_penalty()
+    n_rows = len(margin_index)
     basis = eye_array(n_states, format="csr") if program.basis is None else csr_array(program.basis)
-    owner = csr_array((np.ones(n_rows), (np.arange(n_rows), owners)), shape=(n_rows, n_margins))
-    # Unknowns are c, t and, where |r| is penalised, its bound u.
-    blocks = [[basis, None], [-basis, None], [-csr_array(rows), owner]]
-    right = [program.upper, -program.lower, np.zeros(n_rows)]
+    selects_margin = csr_array((np.ones(n_rows), (np.arange(n_rows), margin_index)), shape=(n_rows, n_margins))
+    # The unknowns are c, t and, if |r| is penalised, its upper bound u.
+    blocks = [[basis, None], [-basis, None], [-csr_array(rows), selects_margin]]
+    right_side = [program.upper, -program.lower, np.zeros(n_rows)]
     linear = [np.zeros(rank), -np.ones(n_margins)]
-    if program.absolute > 0.0:
+    if program.l1_weight > 0.0:
         identity = eye_array(n_states, format="csr")
         blocks = [[*row, None] for row in blocks] + [[basis, None, -identity], [-basis, None, -identity]]
-        right += [np.zeros(n_states), np.zeros(n_states)]
-        linear.append(np.full(n_states, program.absolute))
+        right_side += [np.zeros(n_states), np.zeros(n_states)]
+        linear.append(np.full(n_states, program.l1_weight))
     q = np.concatenate(linear)
     p = csc_array((len(q), len(q)))
     if program.quadratic is not None:
         p = csc_array(program.quadratic)
         p.resize((len(q), len(q)))
-    a, b = csc_array(block_array(blocks)), np.concatenate(right)
-    status, point, z, _ = minimise(p, q, a, b, equalities=0)
-    ends = np.cumsum([n_states, n_states, n_rows, *[n_states] * (2 * (program.absolute > 0.0))])
-    held_above, held_below, margins, *signs = np.split(z, ends[:-1])
-    prices = held_above - held_below + (signs[0] - signs[1] if signs else 0.0)
-    return status, point[:rank], Multipliers(margins, prices)
+    a, b = csc_array(block_array(blocks)), np.concatenate(right_side)
+    status, point, z, _ = minimise_quadratic(p, q, a, b, equalities=0)
+    ends = np.cumsum([n_states, n_states, n_rows, *[n_states] * (2 * (program.l1_weight > 0.0))])
+    of_upper, of_lower, of_margins, *of_l1 = np.split(z, ends[:-1])
+    prices = of_upper - of_lower + (of_l1[0] - of_l1[1] if of_l1 else 0.0)
+    return status, point[:rank], DualVariables(of_margins, prices)
 
 
-def minimise(
-    p: csc_array, q: Float64[np.ndarray, "n"], a: csc_array, b: Float64[np.ndarray, "rows"], equalities: int
+def minimise_quadratic(
+    p: csc_array, q: Float64[np.ndarray, "n"], a: csc_array, b: Float64[np.ndarray, "rows"], *, equalities: int
 ) -> tuple[Status, Float64[np.ndarray, "n"], Float64[np.ndarray, "rows"], float]:
-    """Minimise ½xᵀPx + qᵀx, the first rows of Ax = b holding with equality and the others as Ax ≤ b.
+    """Minimise ½xᵀPx + qᵀx subject to Ax ≤ b, the first rows holding with equality.
 
     Args:
-        p: P, of which the upper triangle counts.
+        p: P, positive semidefinite; only its upper triangle is read.
         q: q.
         a: A.
         b: b.
         equalities: number of rows that hold with equality.
 
     Returns:
-        How Clarabel says it ended, x, the multipliers and the duality gap, relative.
+        Clarabel's status, x, the dual variables, and the duality gap divided by max(1, |objective|).
     """
     settings = DefaultSettings()
     settings.verbose = False
