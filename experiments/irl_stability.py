@@ -58,9 +58,7 @@ def main(study: Study) -> tuple[WeightStability, ...]:
     scenes = encode_training(study.config).scenes
     scene = next(scene for scene in scenes if scene.name == study.scene)
     basis = fit_basis(scenes, study.config.irl.dimension)
-    rows = measure_weight_stability(
-        scene, basis(scene.encoded), SETTINGS, trajectories=study.trajectories, seed=study.seed
-    )
+    rows = measure_weight_stability(scene, basis.phi(scene), SETTINGS, trajectories=study.trajectories, seed=study.seed)
     columns = {
         "form": [row.settings.form for row in rows],
         "variant": [row.settings.variant for row in rows],

@@ -57,7 +57,7 @@ class Checkpoints:
         self._manager().save(
             len(rows),
             args=args.Composite(
-                state=args.StandardSave(_without_keys(state)),
+                state=args.StandardSave(_leaves(state)),
                 rows=args.JsonSave(list(rows)),  # a copy, since the caller's list grows while this is written
                 config=args.JsonSave(config_to_dict(self.config)),
             ),
@@ -78,7 +78,7 @@ class Checkpoints:
         if not self.path.exists():
             return None
         args = _orbax().args
-        form = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape, x.dtype, sharding=x.sharding), _without_keys(like))
+        form = [jax.ShapeDtypeStruct(x.shape, x.dtype, sharding=x.sharding) for x in _leaves(like)]
         hook = sys.unraisablehook
         try:
             step = self._manager().latest_step()
@@ -99,7 +99,7 @@ class Checkpoints:
         sys.unraisablehook = hook
         if trained_part(before) != trained_part(self.config):
             raise InputError(f"{self.path}: the checkpoint is of another configuration.")
-        return _with_keys(like, found.state), found.rows
+        return _state(like, found.state), found.rows
 
     def remove(self) -> None:
         """Remove the folder, and the one around it where it is empty then."""
@@ -126,16 +126,17 @@ def _is_key(array: jax.Array) -> bool:
     return jax.dtypes.issubdtype(array.dtype, jax.dtypes.prng_key)
 
 
-def _without_keys(state: Any) -> Any:
-    """The state with random keys as the numbers that they are made of."""
-    return jax.tree.map(lambda x: jax.random.key_data(x) if _is_key(x) else x, state)
+def _leaves(state: Any) -> list[jax.Array]:
+    """The arrays of a state, random keys as the numbers that they consist of."""
+    return [jax.random.key_data(x) if _is_key(x) else x for x in jax.tree.leaves(state)]
 
 
-def _with_keys(like: Any, state: Any) -> Any:
-    """Reverse `_without_keys`. Arrays that were tied to no device are so again: no program is compiled twice."""
+def _state(like: Any, leaves: list[jax.Array]) -> Any:
+    """Reverse `_leaves`. Arrays that were tied to no device are so again, so that no program is compiled twice."""
 
     def restored(old: jax.Array, new: jax.Array) -> jax.Array:
         new = new if old.committed else jnp.asarray(np.asarray(new))
         return jax.random.wrap_key_data(new, impl=jax.random.key_impl(old)) if _is_key(old) else new
 
-    return jax.tree.map(restored, like, state)
+    olds, tree = jax.tree.flatten(like)
+    return jax.tree.unflatten(tree, [restored(old, new) for old, new in zip(olds, leaves, strict=True)])

@@ -121,7 +121,7 @@ def _run(
 
 def trace_episodes(
     key: PRNGKeyArray, policy: Policy, world: World, targets: Targets, cap: int
-) -> tuple[Int32[np.ndarray, "scenes steps+1"], Int32[np.ndarray, "scenes"]]:
+) -> tuple[Int32[np.ndarray, "scenes _"], Int32[np.ndarray, "scenes"]]:
     """One episode in each scene, with every state on the way.
 
     Args:

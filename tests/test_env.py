@@ -59,9 +59,9 @@ def test_a_batch_of_episodes_steps_as_one_by_one():
     after, transitions = env.step(episodes, actions, world, targets, jnp.int32(9))
     for number in range(8):
         one = jax.tree.map(lambda x, i=number: x[i], episodes)
-        own, transition = env.step(one, actions[number], world, targets, jnp.int32(9))
-        for batch, single in ((after, own), (transitions, transition)):
-            assert jax.tree.all(jax.tree.map(lambda a, b, i=number: bool(a[i] == b), batch, single))
+        single = jax.tree.leaves(env.step(one, actions[number], world, targets, jnp.int32(9)))
+        batch = jax.tree.leaves((after, transitions))
+        assert [x[number].item() for x in batch] == [x.item() for x in single]
 
 
 def test_shortest_path_of_an_episode():

@@ -35,7 +35,7 @@ class Workers:
 
     episode: Episode
     memory: Memory
-    collided: Bool[Array, "groups batch"]
+    collided: Bool[Array, "*groups batch"]
 
 
 @jax.tree_util.register_dataclass
@@ -54,13 +54,13 @@ class Experience:
         output: what `Act` returned beside the action.
     """
 
-    state: Int32[Array, "time groups batch"]
-    target: Int32[Array, "time groups batch"]
-    action: Int32[Array, "time groups batch"]
-    reward: Float32[Array, "time groups batch"]
-    next_state: Int32[Array, "time groups batch"]
-    terminated: Bool[Array, "time groups batch"]
-    truncated: Bool[Array, "time groups batch"]
+    state: Int32[Array, "*time groups batch"]
+    target: Int32[Array, "*time groups batch"]
+    action: Int32[Array, "*time groups batch"]
+    reward: Float32[Array, "*time groups batch"]
+    next_state: Int32[Array, "*time groups batch"]
+    terminated: Bool[Array, "*time groups batch"]
+    truncated: Bool[Array, "*time groups batch"]
     output: Any
 
 
@@ -77,11 +77,11 @@ class EpisodeSums:
         reward: rewards of all steps, summed.
     """
 
-    episodes: Float32[Array, "*time"]
-    successes: Float32[Array, "*time"]
-    excess_length: Float32[Array, "*time"]
-    weighted_successes: Float32[Array, "*time"]
-    reward: Float32[Array, "*time"]
+    episodes: Float32[Array, "*updates"]
+    successes: Float32[Array, "*updates"]
+    excess_length: Float32[Array, "*updates"]
+    weighted_successes: Float32[Array, "*updates"]
+    reward: Float32[Array, "*updates"]
 
 
 @jax.tree_util.register_dataclass

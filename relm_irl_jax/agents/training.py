@@ -104,7 +104,7 @@ def learning_row(sums: EpisodeSums, number: int, chunks: Chunks) -> dict[str, fl
     Returns:
         One entry of a `LearningCurve`.
     """
-    total = {name: float(value) for name, value in vars(jax.device_get(sums)).items()}
+    total = {name: float(value) for name, value in jax.device_get(vars(sums)).items()}
     ended = total["episodes"] or np.nan
     return {
         "frames": float((number + 1) * chunks.frames),

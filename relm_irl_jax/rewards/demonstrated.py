@@ -59,7 +59,8 @@ def demonstrate(scene: Scene, target: Target, count: int, generator: np.random.G
         The trajectories.
     """
     able = np.flatnonzero(scene.shortest_path_distance[:, target.state] > 0)
-    return shortest_path_trajectories(scene, target.state, generator.choice(able, min(count, len(able)), replace=False))
+    starts = generator.choice(able, min(count, len(able)), replace=False)
+    return shortest_path_trajectories(scene, target.state, starts.tolist())
 
 
 def demonstrate_targets(

@@ -30,7 +30,7 @@ class EpisodePath:
         shortest: least number of actions from the start to the target.
     """
 
-    states: Int32[np.ndarray, "steps+1"]
+    states: Int32[np.ndarray, "path"]
     target: int
     shortest: int
 

@@ -195,7 +195,7 @@ class MetricAgent:
             row = learning_row(sums, number, chunks) | {
                 "states_visited": float(visited),
                 "actions_tried": float(tried),
-                **{f"{name}_loss": float(value) for name, value in vars(jax.device_get(losses)).items()},
+                **{f"{name}_loss": float(value) for name, value in jax.device_get(vars(losses)).items()},
             }
             return (state, costs, tried), row
 

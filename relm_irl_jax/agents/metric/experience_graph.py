@@ -70,9 +70,9 @@ def coverage(graph: ExperienceGraph, reachable: Bool[Array, "states"]) -> tuple[
     Returns:
         Share of those states visited, and share of their actions tried.
     """
-    count = reachable.sum()
-    tried = ((graph.successor != UNTRIED) & reachable[:, None]).sum() / (count * len(ACTIONS))
-    return (graph.visited & reachable).sum() / count, tried
+    count = reachable.sum(dtype=jnp.float32)
+    tried = ((graph.successor != UNTRIED) & reachable[:, None]).sum(dtype=jnp.float32) / (count * len(ACTIONS))
+    return (graph.visited & reachable).sum(dtype=jnp.float32) / count, tried
 
 
 def steps_to_frontier(graph: ExperienceGraph) -> Float32[Array, "states"]:

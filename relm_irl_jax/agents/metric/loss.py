@@ -67,9 +67,9 @@ class Losses:
         successor: squared distance of successor embeddings from those of the states reached.
     """
 
-    distance: Float32[Array, ""]
-    policy: Float32[Array, ""]
-    successor: Float32[Array, ""]
+    distance: Float32[Array, "*updates"]
+    policy: Float32[Array, "*updates"]
+    successor: Float32[Array, "*updates"]
 
 
 @jax.tree_util.register_dataclass
@@ -118,11 +118,13 @@ def metric_loss(
     error = (weight * _squared_error(distance, length)).mean()
     next_error = (weight[:, :, None] * _squared_error(next_distance, next_length)).mean()
 
-    best = (next_cost <= next_cost.min(2, keepdims=True) + weights.tolerance) & jnp.isfinite(next_cost)
-    share = best / jnp.maximum(best.sum(2, keepdims=True), 1)
+    is_best = (next_cost <= next_cost.min(2, keepdims=True) + weights.tolerance) & jnp.isfinite(next_cost)
+    best = is_best.astype(jnp.float32)
+    count = jnp.maximum(best.sum(2), 1.0)
+    share = best / count[:, :, None]
     cross_entropy = -(share * jax.nn.log_softmax(-weights.inverse_temperature * next_distance, axis=2)).sum(2)
-    entropy = jnp.log(jnp.maximum(best.sum(2), 1))
-    decided = jnp.isfinite(length) & (length > 0) & best.any(2)
+    entropy = jnp.log(count)
+    decided = jnp.isfinite(length) & (length > 0) & is_best.any(2)
     policy = jnp.where(decided, cross_entropy - entropy, 0.0).mean()
 
     losses = Losses(error + next_error, policy, successor_error(embeddings, inputs, form))
@@ -194,7 +196,7 @@ def successor_error(embeddings: Embeddings, inputs: LossInputs, form: LossForm) 
     reached = scenes.state[jnp.arange(len(successor))[:, None, None], jnp.maximum(successor, 0)]
     square = (embeddings.successor[scenes.state] - embeddings.state[reached]) ** 2
     parts = square.reshape(*square.shape[:-1], form.distance.groups, -1).sum(-1).mean(-1)
-    return jnp.where(known, parts, 0.0).sum() / jnp.maximum(known.sum(), 1)
+    return jnp.where(known, parts, 0.0).sum() / jnp.maximum(known.astype(jnp.float32).sum(), 1.0)
 
 
 def _squared_error(found: Float32[Array, "*pairs"], target: Float32[Array, "*pairs"]) -> Float32[Array, "*pairs"]:

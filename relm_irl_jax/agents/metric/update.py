@@ -141,9 +141,10 @@ def update(state: TrainState, inputs: UpdateInputs, form: UpdateForm) -> tuple[T
     grad_embeddings, losses = jax.grad(lambda e: metric_loss(pair_key, e, inputs.loss, form.loss), has_aux=True)(
         embeddings
     )
-    change, optimizer = make_optimizer(inputs.optimizer).update(
-        vjp(grad_embeddings)[0], state.optimizer, state.parameters
-    )
+    with jax.numpy_dtype_promotion("standard"):  # Adam raises a float to the power of an integer count
+        change, optimizer = make_optimizer(inputs.optimizer).update(
+            vjp(grad_embeddings)[0], state.optimizer, state.parameters
+        )
     parameters = cast(Parameters, optax.apply_updates(state.parameters, change))
     graph = add_transitions(state.graph, experience)
     return TrainState(parameters, optimizer, workers, graph, key), (sums, losses)

@@ -6,15 +6,15 @@ accelerator that one seed leaves half idle trains several in little more time; a
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import TypeVar
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import PRNGKeyArray
 
-from relm_irl_jax.agents.rollout import EpisodeSums, NavigationTask
+from relm_irl_jax.agents.rollout import EpisodeSums
 from relm_irl_jax.agents.settings import SiameseSettings
 from relm_irl_jax.agents.siamese.training import (
     init_train_state,
@@ -29,48 +29,56 @@ from relm_irl_jax.agents.siamese.update import TrainState, UpdateForm, UpdateInp
 from relm_irl_jax.agents.training import LearningCurve, curve_from_rows, learning_row, run_chunks, split_into_chunks
 from relm_irl_jax.types import Parameters, Row, TrainingLog, TrainingProblem
 
-Tree = TypeVar("Tree")
 
-
-def stack_padded(trees: Sequence[Tree]) -> Tree:
-    """Stack structures of one form on a new first axis.
+def stack_padded(trees: Sequence[Any]) -> list[jax.Array]:
+    """Stack the arrays of structures of one form on a new first axis.
 
     Args:
         trees: structures whose arrays differ in length at most; shorter ones are padded with zeros at the end, so that
             every valid index keeps its meaning.
 
     Returns:
-        One structure.
+        The stacked arrays, in the order of `jax.tree.leaves`.
     """
 
-    def stack(*arrays: jax.Array) -> jax.Array:
+    def stack(arrays: Sequence[jax.Array]) -> jax.Array:
         if len({array.shape for array in arrays}) == 1:
             return jnp.stack(arrays)
         longest = [max(sizes) for sizes in zip(*(array.shape for array in arrays), strict=True)]
         pad = lambda array: [(0, most - size) for most, size in zip(longest, array.shape, strict=True)]  # noqa: E731
         return jnp.stack([jnp.pad(array, pad(array)) for array in arrays])
 
-    return jax.tree.map(stack, *trees)
+    return [stack(arrays) for arrays in zip(*map(jax.tree.leaves, trees), strict=True)]
 
 
-@partial(jax.jit, static_argnames=("form", "updates"))
-def run_updates_of_seeds(
-    states: TrainState, inputs: UpdateInputs, *, form: UpdateForm, updates: int
-) -> tuple[TrainState, EpisodeSums]:
-    """Run several updates of all seeds as one program.
+@dataclass(frozen=True)
+class _Structures:
+    """Structures of one seed, whose arrays all have the seed as first axis while several seeds are trained."""
 
-    Args:
-        states: the states of training; the first axis of every array is the seed.
-        inputs: as for one seed, with the seed as first axis of targets, target ranges, reward and pairs.
-        form: the static part. Static.
-        updates: number of updates. Static.
+    state: jax.tree_util.PyTreeDef
+    own: jax.tree_util.PyTreeDef
 
-    Returns:
-        The next states of training, and sums over the episodes that ended, by seed.
-    """
-    task = NavigationTask(world=None, targets=0, target_range=0, reward=0, cap=None)  # pyrefly: ignore
-    own = UpdateInputs(task=task, loss=None, optimizer=None, pairs=0)  # pyrefly: ignore
-    return jax.vmap(partial(run_updates, form=form, updates=updates), in_axes=(0, own))(states, inputs)
+
+@partial(jax.jit, static_argnames=("structures", "form", "updates"))
+def _run_updates_of_seeds(
+    states: list[jax.Array],
+    own: list[jax.Array],
+    inputs: UpdateInputs,
+    *,
+    structures: _Structures,
+    form: UpdateForm,
+    updates: int,
+) -> tuple[list[jax.Array], EpisodeSums]:
+    """Run several updates of all seeds as one program; `own` holds targets, target ranges, rewards and pairs."""
+
+    def run_seed(state: list[jax.Array], own: list[jax.Array]) -> tuple[list[jax.Array], EpisodeSums]:
+        targets, target_range, reward, pairs = jax.tree.unflatten(structures.own, own)
+        task = replace(inputs.task, targets=targets, target_range=target_range, reward=reward)
+        whole: TrainState = jax.tree.unflatten(structures.state, state)
+        whole, sums = run_updates(whole, replace(inputs, task=task, pairs=pairs), form=form, updates=updates)
+        return jax.tree.leaves(whole), sums
+
+    return jax.vmap(run_seed)(states, own)
 
 
 def train_seeds(
@@ -104,34 +112,29 @@ def train_seeds(
         update_inputs(own, settings, target_range, own_pairs)
         for own, target_range, own_pairs in zip(problems, ranges, pairs, strict=True)
     ]
-    states = stack_padded([init_train_state(key, own, form) for key, own in zip(keys, inputs, strict=True)])
-    stacked = replace(
-        inputs[0],
-        task=replace(
-            inputs[0].task,
-            targets=stack_padded([own.task.targets for own in inputs]),
-            target_range=stack_padded(ranges),
-            reward=stack_padded([own.task.reward for own in inputs]),
-        ),
-        pairs=None if pairs[0] is None else stack_padded(pairs),
-    )
+    states = [init_train_state(key, seed_inputs, form) for key, seed_inputs in zip(keys, inputs, strict=True)]
+    own = [(i.task.targets, i.task.target_range, i.task.reward, i.pairs) for i in inputs]
+    structures = _Structures(jax.tree.structure(states[0]), jax.tree.structure(own[0]))
+    stacked_states, stacked_own = stack_padded(states), stack_padded(own)
     chunks = split_into_chunks(shared.frames, frames_per_update)
 
-    def chunk(states: TrainState, number: int) -> tuple[TrainState, Row]:
-        states, sums = run_updates_of_seeds(states, stacked, form=form, updates=chunks.updates)
+    def chunk(states: list[jax.Array], number: int) -> tuple[list[jax.Array], Row]:
+        states, sums = _run_updates_of_seeds(
+            states, stacked_own, inputs[0], structures=structures, form=form, updates=chunks.updates
+        )
         row = {"frames": float((number + 1) * chunks.frames)}
         for place in range(len(keys)):
-            own = learning_row(jax.tree.map(lambda x, place=place: x[place], sums), number, chunks)
-            row |= {f"{place}/{name}": value for name, value in own.items()}
+            means = learning_row(jax.tree.map(lambda x, place=place: x[place], sums), number, chunks)
+            row |= {f"{place}/{name}": value for name, value in means.items()}
         return states, row
 
-    states, rows = run_chunks(states, chunk, chunks, log)
+    stacked_states, rows = run_chunks(stacked_states, chunk, chunks, log)
     trained = []
     for place in range(len(keys)):
         prefix = f"{place}/"
-        own: list[Row] = [
+        curve: list[Row] = [
             {name.removeprefix(prefix): row[name] for name in row if name.startswith(prefix)} for row in rows
         ]
-        parameters = jax.tree.map(lambda x, place=place: x[place], states.parameters)
-        trained.append((parameters, curve_from_rows(LearningCurve, own)))
+        state: TrainState = jax.tree.unflatten(structures.state, [x[place] for x in stacked_states])
+        trained.append((state.parameters, curve_from_rows(LearningCurve, curve)))
     return trained

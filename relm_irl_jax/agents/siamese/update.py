@@ -143,7 +143,8 @@ def apply_gradient(
     Returns:
         The next parameters and state.
     """
-    change, optimizer = make_optimizer(form, numbers).update(gradient, optimizer, parameters)
+    with jax.numpy_dtype_promotion("standard"):  # Adam raises a float to the power of an integer count
+        change, optimizer = make_optimizer(form, numbers).update(gradient, optimizer, parameters)
     return cast(Parameters, optax.apply_updates(parameters, change)), optimizer
 
 

@@ -138,4 +138,5 @@ def test_joint_seeds_are_the_seeds_alone_and_can_be_interrupted(tmp_path):
 
 
 def test_shorter_arrays_are_padded_at_the_end():
-    assert stack_padded([jnp.ones((1, 2)), jnp.ones((2, 1))]).tolist() == [[[1, 1], [0, 0]], [[1, 0], [1, 0]]]
+    (stacked,) = stack_padded([jnp.ones((1, 2)), jnp.ones((2, 1))])
+    assert stacked.tolist() == [[[1, 1], [0, 0]], [[1, 0], [1, 0]]]

@@ -39,7 +39,7 @@ PROGRAM = textwrap.dedent("""
 
 def test_one_and_eight_devices_and_two_processes_agree(tmp_path):
     here = Path(__file__).parent
-    paths = os.pathsep.join(map(str, (here.parent, here.parents[1], *filter(None, sys.path))))
+    paths = os.pathsep.join(map(str, (here.parents[1], here.parents[2], *filter(None, sys.path))))
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
