@@ -24,9 +24,9 @@ from relm_irl_jax.agent.siamese.network import SiameseActorCritic
 from relm_irl_jax.agent.siamese.passes import passes
 from relm_irl_jax.agent.siamese.train import begin, cheaper_pairs, network_of, run_chunk, worker_lanes
 from relm_irl_jax.agent.siamese.update import Learner, Setting, sampling_actor
-from relm_irl_jax.benchmarks.axes import log_axes
+from relm_irl_jax.benchmarks.axes import label_log_axes
 from relm_irl_jax.benchmarks.irl import open_room
-from relm_irl_jax.benchmarks.timing import Timing, machine, measure
+from relm_irl_jax.benchmarks.timing import Timing, describe_machine, time_calls
 from relm_irl_jax.progress import progress_bar
 from relm_irl_jax.rewards.model import LinearReward
 from relm_irl_jax.tasks import Target
@@ -170,7 +170,7 @@ def rates(settings: SiameseSettings, repeats: int) -> list[Rate]:
         "acting": (lambda: acting(next(keys), learner.parameters), np.nan),
         "training": (training, counted),
     }
-    return [_rate(what, settings, frames, measure(call, repeats), work) for what, (call, work) in cases.items()]
+    return [_rate(what, settings, frames, time_calls(call, repeats), work) for what, (call, work) in cases.items()]
 
 
 def _roll(key: PRNGKeyArray, actor, setting: Setting, learner: Learner, length: int):
@@ -213,7 +213,7 @@ def plain_product(repeats: int) -> float:
     """
     a, b = jax.random.normal(jax.random.key(0), (2, 2048, 2048))
     multiply = jax.jit(jnp.matmul)
-    return 2 * 2048**3 / measure(lambda: multiply(a, b), repeats).median / 1e9
+    return 2 * 2048**3 / time_calls(lambda: multiply(a, b), repeats).median / 1e9
 
 
 def main(
@@ -247,7 +247,7 @@ def main(
         writer.writerows(asdict(row) for row in rows)
     _draw(rows, folder / "agent.png")
     caption = f"share: of a plain 2048 × 2048 float32 product, {peak:.0f} GFLOP/s"
-    table = Table(title=machine(), caption=caption, padding=(0, 0))
+    table = Table(title=describe_machine(), caption=caption, padding=(0, 0))
     for heading in ("", "views", "workers", "first s", "median ms", "worst ms", "frames/s", "GFLOP/s", "share"):
         table.add_column(heading, justify="right" if heading else "left", no_wrap=True)
     for row in rows:
@@ -276,6 +276,6 @@ def _draw(rows: list[Rate], path: Path) -> None:
         label = what if history == 1 else f"{what}, {history} views"
         axes.loglog([row.workers for row in own], [row.frames_per_second for row in own], "o-", label=label)
     axes.set(xlabel="workers", ylabel="frames a second")
-    log_axes(axes, [row.workers for row in rows])
+    label_log_axes(axes, [row.workers for row in rows])
     figure.legend(loc="outside lower center", ncols=2, frameon=False)
     figure.savefig(path, dpi=150)

@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Array, Float, UInt8
 from rich.table import Table
 
-from relm_irl_jax.benchmarks.timing import REPEATS, machine
+from relm_irl_jax.benchmarks.timing import REPEATS, describe_machine
 from relm_irl_jax.features import weights
 from relm_irl_jax.features.encoder import DEVIATION, MEAN, Views, preprocess
 from relm_irl_jax.features.resnet import STAGES, ResNet50, layers, pooled
@@ -43,7 +43,7 @@ def main() -> None:
     state = weights.random_state_dict(seed=0)
     params = jax.tree.map(jnp.asarray, weights.folded(state))
     rivals = {"torch": torch_program(state, False), "torch channels last": torch_program(state, True)}
-    table = Table(title=f"ResNet-50 at {SIZE}x{SIZE}, images/s\n{machine()}")
+    table = Table(title=f"ResNet-50 at {SIZE}x{SIZE}, images/s\n{describe_machine()}")
     for heading in ("program", "batch", "wall median", "wall worst", "processor median"):
         table.add_column(heading, justify="left" if heading == "program" else "right")
     for batch in BATCH_SIZES:

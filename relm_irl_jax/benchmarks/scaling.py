@@ -22,7 +22,7 @@ from relm_irl_jax.agent.settings import SiameseSettings
 from relm_irl_jax.agent.siamese.devices import over_devices
 from relm_irl_jax.agent.siamese.train import run_chunk
 from relm_irl_jax.benchmarks.agent import CAP, UPDATES, setting_of
-from relm_irl_jax.benchmarks.timing import machine, measure
+from relm_irl_jax.benchmarks.timing import describe_machine, time_calls
 from relm_irl_jax.progress import progress_bar
 
 DEVICES = (1, 2, 4, 8)
@@ -67,7 +67,7 @@ def scaled(settings: SiameseSettings, workers: int, repeats: int) -> Scaling:
     call = lambda: run_chunk(  # noqa: E731
         learner, setting, network=network, settings=settings, cap=CAP, updates=UPDATES
     )
-    timing = measure(call, repeats)
+    timing = time_calls(call, repeats)
     frames = setting.lane.first.size * settings.t_max * UPDATES
     # What is summed over the devices: the gradient in θ, or in the four logits and the value of every pair.
     exchanged = (
@@ -118,7 +118,7 @@ def main(
         "Virtual devices share this machine's cores: n of them have n times the work of one. Ratio: an update's time "
         "over n times the first row's; 1 where working together costs nothing."
     )
-    table = Table(title=machine(), caption=caption, padding=(0, 0))
+    table = Table(title=describe_machine(), caption=caption, padding=(0, 0))
     for heading in (
         "devices",
         "workers",

@@ -75,7 +75,8 @@ class HiddenLayer:
 
     def __call__(self, X: Float64[np.ndarray, "samples inputs"]) -> Float64[np.ndarray, "samples neurons"]:
         """Outputs H of the neurons for inputs X (Equation 14)."""
-        return self.activate(self.project(X))
+        with float64():
+            return np.asarray(_outputs(X, self.mean, self.scale, self.weights, self.bias, activation=self.activation))
 
     def project(self, X: Float64[np.ndarray, "samples part"], first: int = 0) -> Projection:
         """Project consecutive inputs: all of them, or a part.
@@ -89,7 +90,7 @@ class HiddenLayer:
         """
         part = slice(first, first + X.shape[1])
         with float64():
-            projection = _project(X, self.mean[part], self.scale[part], self.weights[part])
+            projection = _project_jit(X, self.mean[part], self.scale[part], self.weights[part])
         return jax.tree.map(np.asarray, projection)
 
     def activate(self, projection: Projection) -> Float64[np.ndarray, "samples neurons"]:
@@ -102,7 +103,7 @@ class HiddenLayer:
             H.
         """
         with float64():
-            return np.asarray(_activate(projection, self.bias, activation=self.activation))
+            return np.asarray(_activate_jit(projection, self.bias, activation=self.activation))
 
     def select(self, neurons: Int[np.ndarray, "kept"]) -> "HiddenLayer":
         """The layer with some of its neurons alone.
@@ -141,14 +142,12 @@ def draw_hidden_layer(
     return HiddenLayer(activation, mean, scale, weights * (1 / np.sqrt(inputs)), rng.standard_normal(n_hidden))
 
 
-@jax.jit
-def _project(X, mean, scale, weights):
+def _project(X, mean, scale, weights) -> Projection:
     Z = (X - mean) / scale
     return Projection(Z @ weights, jnp.sum(Z**2, axis=1), jnp.sum(weights**2, axis=0))
 
 
-@partial(jax.jit, static_argnames="activation")
-def _activate(projection, bias, activation: Activation):
+def _activate(projection: Projection, bias, activation: Activation):
     match activation:
         case "tanh":
             return jnp.tanh(projection.product + bias)
@@ -162,3 +161,12 @@ def _activate(projection, bias, activation: Activation):
             squared_norm = projection.squared_norm[:, None]
             distance = squared_norm - 2 * projection.product + projection.squared_centre_norm
             return jnp.exp(-bias * jnp.maximum(distance, 0))
+
+
+@partial(jax.jit, static_argnames="activation")
+def _outputs(X, mean, scale, weights, bias, *, activation: Activation):
+    return _activate(_project(X, mean, scale, weights), bias, activation)
+
+
+_project_jit = jax.jit(_project)
+_activate_jit = jax.jit(_activate, static_argnames="activation")

@@ -26,15 +26,16 @@ def solve_output_weights(
         β and b.
     """
     H_mean, T_mean = H.mean(axis=0), T.mean(axis=0)
+    factorises = H.shape[1] > 0 and (ridge > 0 or H.shape[1] < len(H))
     with float64():
-        Hc, Tc = centre_columns(jnp.asarray(H)), jnp.asarray(T - T_mean)
-        beta, well_conditioned = None, False
-        if H.shape[1] and (ridge > 0 or H.shape[1] < len(H)):
-            beta, well_conditioned = _solve_by_qr(Hc, Tc, ridge, penalised=ridge > 0)
-    if not well_conditioned:
+        # JAX and NumPy sum in different orders; with JAX's mean, β is to the bit what earlier versions found.
+        Hc = centre_columns(H, np.asarray(jnp.mean(H, axis=0)))
+        if factorises:
+            beta, well_conditioned = _solve_by_qr(Hc, T - T_mean, ridge, penalised=ridge > 0)
+    if not (factorises and well_conditioned):
         # Centring took one direction away; rounding leaves a trace of it, which the default cut-off would keep.
         cut = rank_tolerance(*H.shape)
-        beta = scipy.linalg.lstsq(np.asarray(Hc), np.asarray(Tc), cond=cut, check_finite=False)[0]
+        beta = scipy.linalg.lstsq(Hc, T - T_mean, cond=cut, check_finite=False)[0]
     beta = np.asarray(beta)
     return beta, T_mean - H_mean @ beta
 

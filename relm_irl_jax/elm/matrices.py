@@ -60,19 +60,21 @@ def check_regression(
     return H, T
 
 
-def centre_columns(matrix: Any) -> Any:
+def centre_columns(
+    matrix: Float64[np.ndarray, "rows columns"], mean: Float64[np.ndarray, "columns"] | None = None
+) -> Float64[np.ndarray, "rows columns"]:
     """Subtract each column's mean; columns that are constant up to rounding become exactly zero.
 
     Args:
-        matrix: one row per sample, of NumPy or JAX.
+        matrix: one row per sample.
+        mean: the columns' means, where they are known.
 
     Returns:
-        The same kind of array.
+        Columns of mean zero.
     """
-    xp = matrix.__array_namespace__()
-    centred = matrix - matrix.mean(axis=0)
-    rounding = 4 * xp.finfo(matrix.dtype).eps * xp.abs(matrix).max(axis=0)
-    return xp.where(xp.abs(centred).max(axis=0) <= rounding, 0, centred)
+    centred = matrix - (matrix.mean(axis=0) if mean is None else mean)
+    rounding = 4 * np.finfo(np.float64).eps * np.abs(matrix).max(axis=0)
+    return np.where(np.abs(centred).max(axis=0) <= rounding, 0, centred)
 
 
 def standardise_columns(matrix: Float64[np.ndarray, "rows columns"]) -> Float64[np.ndarray, "rows columns"]:

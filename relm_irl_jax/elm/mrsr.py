@@ -1,18 +1,20 @@
-"""MRSR: multi-response sparse regression, which orders columns by when they enter a piecewise linear fit (section 4.3.1).
+"""MRSR: multi-response sparse regression, which orders columns by when they enter a piecewise linear fit (section
+4.3.1).
 
 Let x_j be the standardised columns of H, T the standardised targets, and Y the fit so far. A column's cumulative
-correlation with the residual is c_j = ‖(T - Y)ᵀx_j‖ (Equation 26). The active set A holds the columns of the largest one
-(Equation 27). Y moves toward the least-squares fit Ȳ of A (Equation 28),
+correlation with the residual is c_j = ‖(T - Y)ᵀx_j‖ (Equation 26). The active set A holds the columns of the largest
+one (Equation 27). Y moves toward the least-squares fit Ȳ of A (Equation 28),
 
     Y ← Y + γ (Ȳ - Y)        (Equation 29),
 
 by the smallest γ in [0, 1] at which an inactive column ties with the active ones (Equations 31 and 32). That column
 enters next. For one output and the 1-norm, this is least-angle regression.
 
-With N samples, m columns and p outputs, a step costs O(Nm + mp); see `active_set` for the update and `step_length` for γ.
+With N samples, m columns and p outputs, a step costs O(Nm + mp); see `active_set` for the update and `step_length` for
+γ.
 
-The 1-norm is the paper's. The 2-norm does not change under a rotation of the outputs, so that they can be rotated into as
-few as T has rank. The two orders differ.
+The 1-norm is the paper's. The 2-norm does not change under a rotation of the outputs, so that they can be rotated into
+as few as T has rank. The two orders differ.
 """
 
 from collections.abc import Callable

@@ -5,12 +5,13 @@ For the least-squares fit of T on the first k columns of H with ridge λ, the re
     ε_i = (t_i - h_i β) / (1 - ℓ_i),        ℓ_i = h_i P h_iᵀ,        P = (HᵀH + λI)⁻¹,
 
 where h_i is the i-th row of H (the paper says that h_i and b_i are input weights; they are the row and β) and ℓ_i its
-leverage. Let Q be an orthonormal basis of [H; √λ I] in column order, and q_i the rows of Q that belong to samples. Then
+leverage. Let Q be an orthonormal basis of [H; √λ I] in column order, and q_i the rows of Q that belong to samples.
+Then
 
     ℓ_i = Σ_{j≤k} q_ij²,        t_i - h_i β = t_i - Σ_{j≤k} q_ij (Q_jᵀT):
 
-leverages are cumulative sums, and residuals lose one rank-one term per column. An unpenalised intercept is a centring of
-H and T and 1/N more leverage; the errors are exact for the model with its intercept.
+leverages are cumulative sums, and residuals lose one rank-one term per column. An unpenalised intercept is a centring
+of H and T and 1/N more leverage; the errors are exact for the model with its intercept.
 
 Where the formula has no value:
 

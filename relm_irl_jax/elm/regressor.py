@@ -2,8 +2,8 @@
 
 A hidden layer with random, fixed weights maps inputs to H (Equation 14); the output weights are the least-squares
 solution of Hβ + b = T (Equation 17). MRSR orders the neurons, PRESS gives the leave-one-out error of every prefix of
-that order, and the model keeps the prefix of least error. The intercept b is fitted with β, never penalised, and part of
-what PRESS leaves out; the standardisation of inputs and the random weights are fixed beforehand.
+that order, and the model keeps the prefix of least error. The intercept b is fitted with β, never penalised, and part
+of what PRESS leaves out; the standardisation of inputs and the random weights are fixed beforehand.
 """
 
 from collections.abc import Callable

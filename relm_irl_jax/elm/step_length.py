@@ -8,11 +8,11 @@ which, with s = γ / (1 - γ) ≥ 0, is
 
     ‖a_j + s e_j‖ = c.
 
-The left side is convex in s, starts at ‖a_j‖ ≤ c and grows without bound unless e_j = 0: each column ties at exactly one
-s. The least of them over the inactive columns is the step.
+The left side is convex in s, starts at ‖a_j‖ ≤ c and grows without bound unless e_j = 0: each column ties at exactly
+one s. The least of them over the inactive columns is the step.
 
-For the 1-norm, Newton's method from the right finds s in a few iterations, and no sign vector is enumerated. Since
-(c - ‖a_j‖) / ‖e_j‖ ≤ s, columns are examined by increasing bound until the least s found is below all that are left. For
+For the 1-norm, Newton's method from the right finds s in a few iterations, and no sign vector is enumerated. Since (c
+- ‖a_j‖) / ‖e_j‖ ≤ s, columns are examined by increasing bound until the least s found is below all that are left. For
 the 2-norm, s is a root of a quadratic.
 """
 

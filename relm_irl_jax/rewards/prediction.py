@@ -10,7 +10,6 @@ from pydantic import Field, NonNegativeFloat, PositiveInt
 from pydantic.dataclasses import dataclass as settings_dataclass
 
 from relm_irl_jax.elm import ELMRegressor
-from relm_irl_jax.elm.linear import float64
 from relm_irl_jax.progress import progress_bar
 from relm_irl_jax.rewards.demonstrations import DemonstratedReward
 from relm_irl_jax.scenes.scene import Scene
@@ -101,9 +100,8 @@ class ScenePredictor:
         Returns:
             The weights.
         """
-        with float64():
-            pairs = self._start[start] + self._target[target]
-        return self._machine.hidden_.outputs(pairs) @ self._machine.coef_ + self._machine.intercept_
+        pairs = self._start[start] + self._target[target]
+        return self._machine.hidden_.activate(pairs) @ self._machine.coef_ + self._machine.intercept_
 
     def weights_to(self, target: int) -> Float64[np.ndarray, "states d"]:
         """Predicted weights from every state to one target.
@@ -114,7 +112,7 @@ class ScenePredictor:
         Returns:
             The weights.
         """
-        start = np.arange(len(self._start.square))
+        start = np.arange(len(self._start))
         return self.weights(start, np.full_like(start, target))
 
     def rewards_to(
@@ -186,4 +184,4 @@ def fit_machine(data: PairData, settings: ElmSettings, seed: int, *, regularised
     if machine.ordering == "none":
         return machine.fit(data.inputs, data.weights, groups)
     with progress_bar("ordering neurons", min(settings.hidden, len(data.inputs)), "neurons") as advance:
-        return machine.fit(data.inputs, data.weights, groups, report=advance)
+        return machine.fit(data.inputs, data.weights, groups, progress=advance)
