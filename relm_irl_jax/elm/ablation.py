@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Float64, Int
+from sklearn.base import clone
 from sklearn.metrics import r2_score
 
 from relm_irl_jax.elm.regressor import ELMRegressor
@@ -114,7 +115,7 @@ def accuracy_by_size(train: Pairs, test: Pairs, sizes: Sequence[int] = PAPER_SIZ
     """
     scores = []
     for size in sizes:
-        model = ELMRegressor(size, **{**parameters, **ALL_NEURONS}).fit(train.X, train.T)
+        model = ELMRegressor(size).set_params(**{**parameters, **ALL_NEURONS}).fit(train.X, train.T)
         scores.append([r2_score(pairs.T, model.predict(pairs.X)) for pairs in (test, train)])
     test_r2, train_r2 = np.array(scores).T
     return SizeCurve(np.asarray(sizes), test_r2, train_r2)
@@ -132,9 +133,9 @@ def compare_regularisation(train: Pairs, test: Pairs, n_hidden: int = 1950, **pa
     Returns:
         The predictions, their accuracy, and the leave-one-out curve.
     """
-    parameters = {"random_state": 0, **parameters}
-    elm = ELMRegressor(n_hidden, **{**parameters, **ALL_NEURONS}).fit(train.X, train.T)
-    relm = ELMRegressor(n_hidden, **{**parameters, "selection": "press"}).fit(train.X, train.T)
+    base = ELMRegressor(n_hidden, random_state=0).set_params(**parameters)
+    elm = clone(base).set_params(**ALL_NEURONS).fit(train.X, train.T)
+    relm = clone(base).set_params(selection="press").fit(train.X, train.T)
     before, after = elm.predict(test.X), relm.predict(test.X)
     assert relm.press_curve_ is not None
     return Regularisation(
@@ -161,7 +162,7 @@ def accuracy_by_selection(train: Pairs, test: Pairs, **parameters: Any) -> dict[
     """
     results = {}
     for name, (selection, by_target) in SELECTIONS.items():
-        model = ELMRegressor(**{"random_state": 0, **parameters, **selection})
+        model = ELMRegressor(random_state=0).set_params(**{**parameters, **selection})
         model.fit(train.X, train.T, train.target if by_target else None)
         results[name] = SelectionResult(r2_score(test.T, model.predict(test.X)), model.n_selected_, model.ridge_)
     return results

@@ -26,13 +26,13 @@ def solve_output_weights(
         β and b.
     """
     H_mean, T_mean = H.mean(axis=0), T.mean(axis=0)
-    factorises = H.shape[1] > 0 and (ridge > 0 or H.shape[1] < len(H))
+    beta, well_conditioned = None, False
     with float64():
         # JAX and NumPy sum in different orders; with JAX's mean, β is to the bit what earlier versions found.
         Hc = centre_columns(H, np.asarray(jnp.mean(H, axis=0)))
-        if factorises:
+        if H.shape[1] and (ridge > 0 or H.shape[1] < len(H)):
             beta, well_conditioned = _solve_by_qr(Hc, T - T_mean, ridge, penalised=ridge > 0)
-    if not (factorises and well_conditioned):
+    if not well_conditioned:
         # Centring took one direction away; rounding leaves a trace of it, which the default cut-off would keep.
         cut = rank_tolerance(*H.shape)
         beta = scipy.linalg.lstsq(Hc, T - T_mean, cond=cut, check_finite=False)[0]

@@ -79,6 +79,7 @@ class ELMRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         norm: Literal[1, 2] = 1,
         selection: Literal["press", "none"] | int = "press",
         ridge: float | Literal["press"] = 0.0,
+        *,
         random_state: int | np.random.RandomState | None = None,
     ):
         self.n_hidden = n_hidden
@@ -153,10 +154,11 @@ class ELMRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         groups: Any,
     ) -> tuple[PressPath | None, dict[float, float]]:
         """Errors by which neurons are selected, None if they are not, and the least error of each penalty tried."""
-        penalties = [self.ridge]
         if self.ridge == "press":
             scale = np.square(H - H.mean(axis=0)).sum(axis=0).mean()
             penalties = [float(share * scale) for share in RIDGE_GRID]
+        else:
+            penalties = [float(self.ridge)]
         if self.selection != "press":
             if self.ridge != "press":
                 return None, {}
@@ -167,7 +169,7 @@ class ELMRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         presses = [
             press_path_of_basis(path.basis, T, H.shape[1], groups)
             if path is not None and complete and not ridge
-            else press_path(H, T, float(ridge), intercept=True, groups=groups)
+            else press_path(H, T, ridge, intercept=True, groups=groups)
             for ridge in penalties
         ]
         best = min(presses, key=lambda press: press.curve.min())
@@ -184,7 +186,7 @@ class ELMRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
             return isinstance(value, Integral) and not isinstance(value, bool) and int(value) >= 1
 
         def non_negative(value: Any) -> bool:
-            return isinstance(value, Real) and not isinstance(value, bool) and np.isfinite(value) and value >= 0
+            return isinstance(value, Real) and not isinstance(value, bool) and 0 <= float(value) < np.inf
 
         selects = self.selection in ("press", "none") or positive_integer(self.selection)
         valid = {
