@@ -25,9 +25,9 @@ from relm_irl_jax.agents.siamese.forward import through_frames, through_pairs
 from relm_irl_jax.agents.siamese.network import SiameseActorCritic
 from relm_irl_jax.agents.siamese.training import prepare, run_updates
 from relm_irl_jax.agents.siamese.update import UpdateInputs, initial_memory, observe_views
-from relm_irl_jax.benchmarks.axes import log_axes
+from relm_irl_jax.benchmarks.axes import label_log_axes
 from relm_irl_jax.benchmarks.irl import open_room
-from relm_irl_jax.benchmarks.timing import Timing, machine, measure
+from relm_irl_jax.benchmarks.timing import Timing, describe_machine, time_calls
 from relm_irl_jax.progress import progress_bar
 from relm_irl_jax.rewards.equation import LinearRewardForm
 from relm_irl_jax.rewards.functions import LinearReward
@@ -176,7 +176,7 @@ def rates(settings: SiameseSettings, repeats: int) -> list[Rate]:
         "training": (training, UPDATES * operations(inputs, network, frames)),
     }
     return [
-        _rate(what, settings, UPDATES * frames, measure(call, repeats), work) for what, (call, work) in cases.items()
+        _rate(what, settings, UPDATES * frames, time_calls(call, repeats), work) for what, (call, work) in cases.items()
     ]
 
 
@@ -206,7 +206,7 @@ def plain_product(repeats: int) -> float:
     """
     a, b = jax.random.normal(jax.random.key(0), (2, 2048, 2048))
     multiply = jax.jit(jnp.matmul)
-    return 2 * 2048**3 / measure(lambda: multiply(a, b), repeats).median / 1e9
+    return 2 * 2048**3 / time_calls(lambda: multiply(a, b), repeats).median / 1e9
 
 
 def main(
@@ -240,7 +240,7 @@ def main(
         writer.writerows(asdict(row) for row in rows)
     _draw(rows, folder / "agent.png")
     caption = f"share: of a plain 2048 × 2048 float32 product, {peak:.0f} GFLOP/s"
-    table = Table(title=machine(), caption=caption, padding=(0, 0))
+    table = Table(title=describe_machine(), caption=caption, padding=(0, 0))
     for heading in ("", "views", "workers", "first s", "median ms", "worst ms", "frames/s", "GFLOP/s", "share"):
         table.add_column(heading, justify="right" if heading else "left", no_wrap=True)
     for row in rows:
@@ -269,6 +269,6 @@ def _draw(rows: list[Rate], path: Path) -> None:
         label = what if history == 1 else f"{what}, {history} views"
         axes.loglog([row.workers for row in own], [row.frames_per_second for row in own], "o-", label=label)
     axes.set(xlabel="workers", ylabel="frames a second")
-    log_axes(axes, [row.workers for row in rows])
+    label_log_axes(axes, [row.workers for row in rows])
     figure.legend(loc="outside lower center", ncols=2, frameon=False)
     figure.savefig(path, dpi=150)

@@ -1,4 +1,4 @@
-"""Log axes whose numbers are the measured sizes."""
+"""Logarithmic axes that are labelled with the measured sizes."""
 
 from collections.abc import Sequence
 
@@ -6,21 +6,21 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter, NullFormatter, NullLocator
 
 
-def log_axes(axes: Axes, sizes: Sequence[float]) -> None:
-    """Write measured sizes beside the x axis of a log-log plot, and plain numbers beside the y axis.
+def label_log_axes(axes: Axes, sizes: Sequence[float]) -> None:
+    """Label the x axis of a log-log plot with measured sizes, and its y axis with plain numbers.
 
     Args:
         axes: the plot.
-        sizes: sizes to write.
+        sizes: sizes measured, in any order.
     """
+    plain = FuncFormatter(lambda value, _: f"{value:g}")
     axes.grid(alpha=0.3, which="both")
     axes.set_xticks(sorted(set(sizes)))
     axes.xaxis.set_minor_locator(NullLocator())
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda size, _: f"{size:g}"))
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.xaxis.set_major_formatter(plain)
+    axes.yaxis.set_major_formatter(plain)
     low, high = axes.get_ylim()
-    # Within less than a decade there may be no major number at all.
-    minor = FuncFormatter(lambda value, _: f"{value:g}") if high / low < 10 else NullFormatter()
-    axes.yaxis.set_minor_formatter(minor)
+    # An axis of less than a decade may have no major tick at all.
+    axes.yaxis.set_minor_formatter(plain if high / low < 10 else NullFormatter())
     axes.tick_params(labelsize=8)
     axes.tick_params(axis="x", rotation=45)

@@ -1,7 +1,7 @@
 """Benchmark of the regularised ELM: against hpelm, at the project's largest size, and how it scales.
 
-The floor drawn in the figure is the least that any such method does: one QR of the N × L hidden outputs, and one pass
-over an L × p array for each of L steps. Both are measured on the same machine, not assumed.
+The floor beside the measured times is the least work of any such method: one QR factorisation of the N × L hidden
+outputs, and one pass over an L × p array for each of L steps. It is measured on the same machine.
 """
 
 import csv
@@ -9,51 +9,63 @@ import warnings
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
-from jaxtyping import Float64
+from jaxtyping import Float64, Int
 from matplotlib.figure import Figure
 from rich.console import Console
 from rich.table import Table
 
-from relm_irl_jax.benchmarks.axes import log_axes
-from relm_irl_jax.benchmarks.timing import REPEATS, machine, measure
-from relm_irl_jax.elm.hidden import HiddenLayer, draw_hidden
-from relm_irl_jax.elm.linear import float64
-from relm_irl_jax.elm.mrsr import path_and_basis
-from relm_irl_jax.elm.press import basis_path
-from relm_irl_jax.elm.regressor import output_weights
+from relm_irl_jax.benchmarks.axes import label_log_axes
+from relm_irl_jax.benchmarks.timing import REPEATS, describe_machine, time_calls
+from relm_irl_jax.elm.hidden_layer import HiddenLayer, draw_hidden_layer
+from relm_irl_jax.elm.least_squares import solve_output_weights
+from relm_irl_jax.elm.matrices import float64
+from relm_irl_jax.elm.mrsr import mrsr_path
+from relm_irl_jax.elm.press import press_path_of_basis
 
-PEER = (2000, 400, 64)
-"""N, L and p of the comparison with hpelm."""
 
-LARGEST = (2000, 1950, 256)
-"""N, L and p of the project's largest use."""
+class Size(NamedTuple):
+    """Samples N, neurons L and outputs p of a problem."""
+
+    N: int
+    L: int
+    p: int
+
+
+PEER = Size(2000, 400, 64)
+"""Size of the comparison with hpelm."""
+
+LARGEST = Size(2000, 1950, 256)
+"""Size of the project's largest use."""
 
 LIMITS = {1: 60.0, 2: 25.0}
 """Seconds allowed at the largest size on two cores, for each norm."""
 
 SCALING = {
-    "L": [(2000, L, 64) for L in (50, 100, 200, 400, 800, 1600)],
-    "N": [(N, 400, 64) for N in (500, 1000, 2000, 4000, 8000)],
-    "p": [(2000, 400, p) for p in (1, 4, 16, 64, 256, 1024)],
+    "L": [Size(2000, L, 64) for L in (50, 100, 200, 400, 800, 1600)],
+    "N": [Size(N, 400, 64) for N in (500, 1000, 2000, 4000, 8000)],
+    "p": [Size(2000, 400, p) for p in (1, 4, 16, 64, 256, 1024)],
 }
 """Sizes along each axis of the figure."""
 
 INPUTS = 128
 """Dimension of the synthetic inputs."""
 
+NORMS: tuple[Literal[1], Literal[2]] = (1, 2)
+"""Norms of MRSR."""
+
 
 @dataclass(frozen=True)
-class Row:
+class Measurement:
     """One measured case.
 
     Attributes:
-        group: `hpelm`, `largest`, or the axis along which the case lies.
+        case: `hpelm`, `largest`, or the axis along which the case lies.
         method: what was timed.
         N, L, p: samples, neurons, outputs.
         first: seconds of the first call, compilation included.
@@ -63,7 +75,7 @@ class Row:
         error: mean squared error on unseen samples, as a share of the targets' variance.
     """
 
-    group: str
+    case: str
     method: str
     N: int
     L: int
@@ -78,7 +90,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Problem:
-    """Inputs, targets and hidden outputs, for fitting and for judging."""
+    """Inputs, targets and hidden outputs, to fit and to test on."""
 
     X: Float64[np.ndarray, "samples inputs"]
     T: Float64[np.ndarray, "samples outputs"]
@@ -89,41 +101,50 @@ class Problem:
     layer: HiddenLayer
 
 
-def problem(N: int, L: int, p: int, seed: int = 0) -> Problem:
-    """Smooth targets of random inputs with a tenth of noise, and one hidden layer of L neurons."""
-    rng = np.random.default_rng(seed)
-    X = rng.standard_normal((N + 1000, INPUTS))
-    T = np.tanh(X @ rng.standard_normal((INPUTS, p)) / np.sqrt(INPUTS))
+@dataclass(frozen=True)
+class Fit:
+    """Neurons kept, and their output weights and intercept."""
+
+    neurons: Int[np.ndarray, "kept"]
+    coef: Float64[np.ndarray, "kept outputs"]
+    intercept: Float64[np.ndarray, "outputs"]
+
+
+def make_problem(size: Size) -> Problem:
+    """Smooth targets of random inputs, with a tenth of noise, and one hidden layer."""
+    rng = np.random.default_rng(0)
+    X = rng.standard_normal((size.N + 1000, INPUTS))
+    T = np.tanh(X @ rng.standard_normal((INPUTS, size.p)) / np.sqrt(INPUTS))
     T += 0.1 * rng.standard_normal(T.shape)
-    layer = draw_hidden(X[:N], L, "tanh", np.random.RandomState(seed))
+    layer = draw_hidden_layer(X[: size.N], size.L, "tanh", np.random.RandomState(0))
     H = layer(X)
-    return Problem(X[:N], T[:N], H[:N], X[N:], T[N:], H[N:], layer)
+    return Problem(X[: size.N], T[: size.N], H[: size.N], X[size.N :], T[size.N :], H[size.N :], layer)
 
 
-def fit(data: Problem, norm: int) -> tuple[Any, Any, int]:
+def fit(problem: Problem, norm: Literal[1, 2]) -> Fit:
     """MRSR, PRESS of every prefix, and the refit: what `ELMRegressor.fit` does after drawing the layer."""
-    path, basis = path_and_basis(data.H, data.T, norm)
-    press = basis_path(basis, data.T, data.H.shape[1])
-    kept = path.order[: press.best]
-    beta, intercept = output_weights(data.H[:, kept], data.T)
-    return (kept, beta), intercept, press.best
+    path = mrsr_path(problem.H, problem.T, norm)
+    press = press_path_of_basis(path.basis, problem.T, problem.H.shape[1])
+    neurons = path.order[: press.best_size]
+    return Fit(neurons, *solve_output_weights(problem.H[:, neurons], problem.T))
 
 
-def relative_error(T: Any, prediction: Any) -> float:
+def relative_error(T: Float64[np.ndarray, "test outputs"], prediction: Float64[np.ndarray, "test outputs"]) -> float:
     """Mean squared error as a share of the variance."""
     return float(np.mean((T - prediction) ** 2) / np.mean((T - T.mean(axis=0)) ** 2))
 
 
-def ours(group: str, size: tuple[int, int, int], norm: int, repeats: int) -> Row:
+def time_fit(case: str, size: Size, norm: Literal[1, 2], repeats: int) -> Measurement:
     """Time this library at one size."""
-    data = problem(*size)
-    timing = measure(lambda: fit(data, norm), repeats)
-    (kept, beta), intercept, count = fit(data, norm)
-    error = relative_error(data.T_test, data.H_test[:, kept] @ beta + intercept)
-    return Row(group, f"relm-irl-jax, norm {norm}", *size, **asdict(timing), kept=count, error=error)
+    problem = make_problem(size)
+    timing = time_calls(lambda: fit(problem, norm), repeats)
+    found = fit(problem, norm)
+    error = relative_error(problem.T_test, problem.H_test[:, found.neurons] @ found.coef + found.intercept)
+    kept = len(found.neurons)
+    return Measurement(case, f"relm-irl-jax, norm {norm}", *size, **asdict(timing), kept=kept, error=error)
 
 
-def peer(size: tuple[int, int, int], repeats: int) -> Row | None:
+def time_hpelm(size: Size, repeats: int) -> Measurement | None:
     """Time hpelm's `train(…, "LOO", "OP")` with the same neurons; None where it is not installed."""
     try:
         with warnings.catch_warnings():
@@ -131,82 +152,107 @@ def peer(size: tuple[int, int, int], repeats: int) -> Row | None:
             from hpelm import ELM  # pyrefly: ignore[missing-import]
     except ImportError:
         return None
-    data = problem(*size)
-    layer = data.layer
-    X, X_test = ((x - layer.mean) / layer.scale for x in (data.X, data.X_test))
+    problem = make_problem(size)
+    layer = problem.layer
+    X, X_test = ((x - layer.mean) / layer.scale for x in (problem.X, problem.X_test))
 
     def train():
-        elm = ELM(INPUTS, size[2])
-        elm.add_neurons(size[1], "tanh", layer.weights, layer.bias)
-        elm.train(X, data.T, "LOO", "OP")
+        elm = ELM(INPUTS, size.p)
+        elm.add_neurons(size.L, "tanh", layer.weights, layer.bias)
+        elm.train(X, problem.T, "LOO", "OP")
         return elm
 
-    timing = measure(lambda: train() and None, repeats)
+    timing = time_calls(lambda: train() and None, repeats)
     elm = train()
-    error = relative_error(data.T_test, elm.predict(X_test))
-    return Row("hpelm", "hpelm LOO OP", *size, **asdict(timing), kept=len(np.asarray(elm.nnet.B)), error=error)
+    error = relative_error(problem.T_test, elm.predict(X_test))
+    kept = len(np.asarray(elm.nnet.B))
+    return Measurement("hpelm", "hpelm LOO OP", *size, **asdict(timing), kept=kept, error=error)
 
 
 @jax.jit
-def _floor(H, A, E):
-    """One QR, and one pass over an L × p array a step."""
+def _least_work(H, A, E):
+    """One QR factorisation, and one pass over an L × p array for each step."""
     Q, _ = jnp.linalg.qr(H)
-    steps = lax.fori_loop(0, H.shape[1], lambda i, a: 0.999 * a + 0.001 * E, A)
-    return Q, steps
+    return Q, lax.fori_loop(0, H.shape[1], lambda i, a: 0.999 * a + 0.001 * E, A)
 
 
-def floor(group: str, size: tuple[int, int, int], repeats: int) -> Row:
-    """Time the least that has to be done."""
-    N, L, p = size
+def time_floor(case: str, size: Size, repeats: int) -> Measurement:
+    """Time the least work of any such method."""
     rng = np.random.default_rng(0)
+    shapes = (size.N, size.L), (size.L, size.p), (size.L, size.p)
     with float64():
-        H, A, E = (jnp.asarray(rng.standard_normal(shape)) for shape in ((N, L), (L, p), (L, p)))
-        timing = measure(lambda: _floor(H, A, E), repeats)
-    return Row(group, "floor", *size, **asdict(timing))
+        H, A, E = (jnp.asarray(rng.standard_normal(shape)) for shape in shapes)
+        timing = time_calls(lambda: _least_work(H, A, E), repeats)
+    return Measurement(case, "floor", *size, **asdict(timing))
 
 
-def cases(repeats: int, *, scaling: bool) -> Iterator[Row]:
-    """Measure everything, one row at a time."""
-    yield ours("hpelm", PEER, 1, repeats)
-    yield ours("hpelm", PEER, 2, repeats)
-    other = peer(PEER, repeats)
-    if other is not None:
-        yield other
-    for norm in (1, 2):
-        yield ours("largest", LARGEST, norm, repeats)
-    yield floor("largest", LARGEST, repeats)
-    if scaling:
-        for axis, sizes in SCALING.items():
-            for size in sizes:
-                for norm in (1, 2):
-                    yield ours(axis, size, norm, repeats)
-                yield floor(axis, size, repeats)
+def measure_all(repeats: int) -> Iterator[Measurement]:
+    """Measure every case."""
+    for norm in NORMS:
+        yield time_fit("hpelm", PEER, norm, repeats)
+    peer = time_hpelm(PEER, repeats)
+    if peer is not None:
+        yield peer
+    for case, sizes in {"largest": [LARGEST], **SCALING}.items():
+        for size in sizes:
+            for norm in NORMS:
+                yield time_fit(case, size, norm, repeats)
+            yield time_floor(case, size, repeats)
 
 
-def draw(rows: list[Row], path: Path) -> None:
-    """Time against L, N and p on log axes, with the floor."""
+def draw_scaling(rows: list[Measurement], path: Path) -> None:
+    """Time against L, N and p on logarithmic axes, with the floor."""
     figure = Figure(figsize=(11, 3.6), layout="constrained")
     for axes, axis in zip(figure.subplots(1, 3, sharey=True), SCALING, strict=True):
+        along = [row for row in rows if row.case == axis]
         for method in ("relm-irl-jax, norm 1", "relm-irl-jax, norm 2", "floor"):
-            line = [row for row in rows if row.group == axis and row.method == method]
+            line = [row for row in along if row.method == method]
             style = "k--" if method == "floor" else "o-"
             axes.loglog([getattr(row, axis) for row in line], [row.median for row in line], style, label=method)
-        fixed = ", ".join(f"{name} = {getattr(line[0], name)}" for name in SCALING if name != axis)
+        fixed = ", ".join(f"{name} = {getattr(along[0], name)}" for name in SCALING if name != axis)
         axes.set(xlabel=axis, title=fixed)
-        log_axes(axes, [getattr(row, axis) for row in line])
+        label_log_axes(axes, [getattr(row, axis) for row in along])
     figure.axes[0].set_ylabel("seconds (median)")
     figure.axes[0].legend()
-    figure.suptitle(f"MRSR + PRESS of every prefix + refit: {machine()}", fontsize=8)
+    figure.suptitle(f"MRSR + PRESS of every prefix + refit: {describe_machine()}", fontsize=8)
     figure.savefig(path, dpi=150)
 
 
-def main(folder: str | Path = "runs/bench/elm", repeats: int = REPEATS, *, scaling: bool = True) -> list[Row]:
+def print_table(console: Console, rows: list[Measurement]) -> None:
+    """Print all measurements, and whether they are within the limits."""
+    caption = f"{rows[0].repeats} repeats; error: on unseen samples, as a share of the variance"
+    table = Table(title=f"ELM: MRSR + PRESS + refit\n{describe_machine()}", caption=caption, padding=(0, 0))
+    for name in ("case", "method", "N × L × p", "first s", "median s", "worst s", "kept", "error"):
+        table.add_column(name, justify="left" if name in ("case", "method") else "right", no_wrap=True)
+    for row in rows:
+        table.add_row(
+            row.case,
+            row.method.removeprefix("relm-irl-jax, "),
+            f"{row.N}×{row.L}×{row.p}",
+            *(f"{seconds:.3f}" for seconds in (row.first, row.median, row.worst)),
+            "" if row.kept is None else str(row.kept),
+            "" if row.error is None else f"{row.error:.5f}",
+        )
+    console.print(table)
+    median = {(row.case, row.method): row.median for row in rows}
+    peer = median.get(("hpelm", "hpelm LOO OP"))
+    if peer is None:
+        console.print("hpelm is not installed; the comparison needs it: pip install 'relm-irl-jax[peers]'.")
+    for norm, limit in LIMITS.items():
+        method = f"relm-irl-jax, norm {norm}"
+        if peer is not None:
+            console.print(f"norm {norm} is {peer / median['hpelm', method]:.1f} times as fast as hpelm (wanted: 10)")
+        console.print(
+            f"largest size, norm {norm}: {median['largest', method]:.1f} s (limit on two cores: {limit:.0f} s)"
+        )
+
+
+def main(folder: str | Path = "runs/bench/elm", repeats: int = REPEATS) -> list[Measurement]:
     """Run the benchmark, print its table, and save `elm.csv` and `elm.png`.
 
     Args:
         folder: where the files go.
         repeats: timed calls of each case after the first.
-        scaling: measure against L, N and p too.
 
     Returns:
         The rows of the table.
@@ -215,41 +261,15 @@ def main(folder: str | Path = "runs/bench/elm", repeats: int = REPEATS, *, scali
     folder.mkdir(parents=True, exist_ok=True)
     console = Console()
     rows = []
-    for row in cases(repeats, scaling=scaling):
-        console.log(f"{row.group} {row.method} N={row.N} L={row.L} p={row.p}: {row.median:.3f} s")
+    for row in measure_all(repeats):
+        console.log(f"{row.case} {row.method} N={row.N} L={row.L} p={row.p}: {row.median:.3f} s")
         rows.append(row)
         with (folder / "elm.csv").open("w", newline="") as file:
             writer = csv.DictWriter(file, fieldnames=list(asdict(row)))
             writer.writeheader()
             writer.writerows(asdict(row) for row in rows)
-
-    caption = f"{repeats} repeats; error: on unseen samples, as a share of the variance"
-    table = Table(title=f"ELM: MRSR + PRESS + refit\n{machine()}", caption=caption, padding=(0, 0))
-    for name in ("case", "method", "N × L × p", "first s", "median s", "worst s", "kept", "error"):
-        table.add_column(name, justify="left" if name in ("case", "method") else "right", no_wrap=True)
-    for row in rows:
-        table.add_row(
-            row.group,
-            row.method.removeprefix("relm-irl-jax, "),
-            f"{row.N}×{row.L}×{row.p}",
-            *(f"{seconds:.3f}" for seconds in (row.first, row.median, row.worst)),
-            "" if row.kept is None else str(row.kept),
-            "" if row.error is None else f"{row.error:.5f}",
-        )
-    console.print(table)
-    median = {(row.group, row.method): row.median for row in rows}
-    reference = median.get(("hpelm", "hpelm LOO OP"))
-    if reference is None:
-        console.print("hpelm is not installed; the comparison needs it: pip install 'relm-irl-jax[peers]'.")
-    else:
-        for norm in LIMITS:
-            ratio = reference / median["hpelm", f"relm-irl-jax, norm {norm}"]
-            console.print(f"norm {norm} is {ratio:.1f} times as fast as hpelm (wanted: 10)")
-    for norm, limit in LIMITS.items():
-        seconds = median["largest", f"relm-irl-jax, norm {norm}"]
-        console.print(f"largest size, norm {norm}: {seconds:.1f} s (limit on two cores: {limit:.0f} s)")
-    if scaling:
-        draw(rows, folder / "elm.png")
+    print_table(console, rows)
+    draw_scaling(rows, folder / "elm.png")
     return rows
 
 

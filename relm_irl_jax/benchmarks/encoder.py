@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Float32, Float64
 from rich.table import Table
 
-from relm_irl_jax.benchmarks.timing import REPEATS, machine
+from relm_irl_jax.benchmarks.timing import REPEATS, describe_machine
 from relm_irl_jax.features import weights
 from relm_irl_jax.features.encoder import IMAGENET_MEAN, IMAGENET_STD, Views, encode_batch
 from relm_irl_jax.features.resnet import STAGES, layers
@@ -51,7 +51,7 @@ def main() -> None:
         "torch": torch_program(state, channels_last=False),
         "torch channels last": torch_program(state, channels_last=True),
     }
-    table = Table(title=f"ResNet-50 at {SIZE}x{SIZE}, images/s\n{machine()}")
+    table = Table(title=f"ResNet-50 at {SIZE}x{SIZE}, images/s\n{describe_machine()}")
     for heading in ("program", "batch", "wall median", "wall worst", "processor median"):
         table.add_column(heading, justify="left" if heading == "program" else "right")
     for batch in BATCH_SIZES:

@@ -17,8 +17,8 @@ from joblib.externals.loky import get_reusable_executor
 from rich.console import Console
 from rich.table import Table
 
-from relm_irl_jax.benchmarks.axes import log_axes
-from relm_irl_jax.benchmarks.timing import machine
+from relm_irl_jax.benchmarks.axes import label_log_axes
+from relm_irl_jax.benchmarks.timing import describe_machine
 from relm_irl_jax.experts import follow_expert, shortest_path_expert
 from relm_irl_jax.irl import MaxMarginProblem, MaxMarginSettings, Solution, reference_max_margin, solve_many
 from relm_irl_jax.irl.problem import Variant
@@ -179,7 +179,7 @@ def main(folder: Path = Path("runs/bench/irl"), repeats: int = 3, references: in
         writer.writeheader()
         writer.writerows(asdict(row) for row in rows)
     _draw(rows, folder / "irl.png")
-    table = Table(title=f"Maximum-margin IRL: {machine()}", padding=(0, 0))
+    table = Table(title=f"Maximum-margin IRL: {describe_machine()}", padding=(0, 0))
     for heading in ("sweep", "variant", "states", "d", "problems", "median s", "worst s", "per s", "gap", "× cvxpy"):
         table.add_column(heading, justify="left" if heading in ("sweep", "variant") else "right", no_wrap=True)
     for row in rows:
@@ -211,7 +211,7 @@ def _draw(rows: Sequence[Measurement], path: Path) -> None:
                 each = [1e3 * row.median_seconds / row.trajectories for row in own]
                 axes.loglog([getattr(row, sweep) for row in own], each, "o-", label=label)
         axes.set(xlabel=sweep, ylabel="milliseconds a problem")
-        log_axes(axes, [getattr(row, sweep) for row in rows if row.sweep == sweep])
+        label_log_axes(axes, [getattr(row, sweep) for row in rows if row.sweep == sweep])
         axes.legend(frameon=False, fontsize=8)
     figure.savefig(path, dpi=150)
 

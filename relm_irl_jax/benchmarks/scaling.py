@@ -22,7 +22,7 @@ from relm_irl_jax.agents.settings import SiameseSettings
 from relm_irl_jax.agents.siamese.sharding import shard_workers
 from relm_irl_jax.agents.siamese.training import prepare, run_updates
 from relm_irl_jax.benchmarks.agent import UPDATES, benchmark_problem
-from relm_irl_jax.benchmarks.timing import machine, measure
+from relm_irl_jax.benchmarks.timing import describe_machine, time_calls
 from relm_irl_jax.progress import progress_bar
 
 DEVICES = (1, 2, 4, 8)
@@ -64,7 +64,7 @@ def scaled(settings: SiameseSettings, workers: int, repeats: int) -> Scaling:
     settings = replace(settings, workers=workers * devices)
     state, inputs, form = prepare(jax.random.key(0), benchmark_problem(), settings, devices)
     state, inputs = shard_workers(state, inputs, jax.devices())
-    timing = measure(lambda: run_updates(state, inputs, form=form, updates=UPDATES), repeats)
+    timing = time_calls(lambda: run_updates(state, inputs, form=form, updates=UPDATES), repeats)
     target_range = inputs.task.target_range
     frames = target_range.first.size * settings.t_max * UPDATES
     # Summed over the devices: the gradient with respect to θ, or to the four logits and the value of every pair.
@@ -114,7 +114,7 @@ def main(
         "Virtual devices share this machine's cores: n of them have n times the work of one. Ratio: an update's time "
         "over n times the first row's; 1 where working together costs nothing."
     )
-    table = Table(title=machine(), caption=caption, padding=(0, 0))
+    table = Table(title=describe_machine(), caption=caption, padding=(0, 0))
     for heading in (
         "devices",
         "workers",

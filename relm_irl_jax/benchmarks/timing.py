@@ -1,4 +1,4 @@
-"""Timing by one rule: the first call apart, ten repeats, median and worst, the machine named."""
+"""How every benchmark measures time: the first call apart, then the median and the worst of ten, on a named machine."""
 
 import os
 import platform
@@ -20,7 +20,7 @@ class Timing:
     """Times of repeated calls, in seconds.
 
     Attributes:
-        first: the first call, compilation included.
+        first: of the first call, compilation included.
         median: of the calls after it.
         worst: of the calls after it.
         repeats: number of the calls after it.
@@ -32,11 +32,11 @@ class Timing:
     repeats: int
 
 
-def measure(call: Callable[[], Any], repeats: int = REPEATS) -> Timing:
-    """Time a call, waiting for the arrays it returns.
+def time_calls(call: Callable[[], Any], repeats: int = REPEATS) -> Timing:
+    """Time calls of a function, until the arrays that it returns are computed.
 
     Args:
-        call: what to time.
+        call: the function.
         repeats: number of timed calls after the first.
 
     Returns:
@@ -51,8 +51,12 @@ def measure(call: Callable[[], Any], repeats: int = REPEATS) -> Timing:
     return Timing(first, float(np.median(rest)), max(rest), repeats)
 
 
-def machine() -> str:
-    """Processor, cores available, JAX's device and the load at the moment: what a time depends on."""
+def describe_machine() -> str:
+    """What a time depends on, as one line.
+
+    Returns:
+        Processor, cores available, their current load, and JAX's version and device.
+    """
     cpu = platform.processor() or platform.machine()
     info = Path("/proc/cpuinfo")
     if info.exists():

@@ -1,7 +1,6 @@
 """The regularised extreme learning machine: random hidden layer, MRSR ordering, PRESS selection."""
 
-from relm_irl_jax.elm.ensemble import Ensemble, fit_ensemble
-from relm_irl_jax.elm.hidden import HiddenLayer
+from relm_irl_jax.elm.hidden_layer import HiddenLayer
 from relm_irl_jax.elm.mrsr import MRSRPath, mrsr, mrsr_path
 from relm_irl_jax.elm.press import PressPath, press_curve, press_path
 from relm_irl_jax.elm.regressor import Diagnostics, ELMRegressor
@@ -10,11 +9,9 @@ from relm_irl_jax.elm.storage import load_elm, save_elm
 __all__ = [
     "Diagnostics",
     "ELMRegressor",
-    "Ensemble",
     "HiddenLayer",
     "MRSRPath",
     "PressPath",
-    "fit_ensemble",
     "load_elm",
     "mrsr",
     "mrsr_path",

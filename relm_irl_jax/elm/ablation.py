@@ -1,7 +1,8 @@
-"""The paper's ablation of the ELM (Figures 7 to 10), as functions of the data that return arrays.
+"""The paper's ablation of the ELM (section 5.6, Figures 7 to 10), as functions of the data that return arrays.
 
-X holds features of start and target, T the reward weights w of each pair. Accuracy is the coefficient of determination
-R², averaged over outputs: the paper does not define its "accuracy", and R² too is 1 for a perfect prediction.
+X holds the features of start and target of each pair, T its reward weights w. Accuracy is the coefficient of
+determination R², averaged over outputs: the paper does not define its accuracy, and R² too is 1 for a perfect
+prediction.
 """
 
 from collections.abc import Sequence
@@ -9,34 +10,42 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float64, Int
+from jaxtyping import Float, Float64, Int
+from sklearn.base import clone
 from sklearn.metrics import r2_score
 
 from relm_irl_jax.elm.regressor import ELMRegressor
 
-PAPER_SIZES = (
-    1,
-    10,
-    50,
-    100,
-    200,
-    400,
-    600,
-    800,
-    1000,
-    1200,
-    1400,
-    1600,
-    1800,
-    1950,
-    2400,
-    3000,
-    4000,
-    4700,
-    6000,
-    8000,
-)
+PAPER_SIZES = (1, 10, 50, 100, *range(200, 1801, 200), 1950, 2400, 3000, 4000, 4700, 6000, 8000)
 """Numbers of neurons along the axis of Figure 7, closer where the paper's curve bends."""
+
+ALL_NEURONS: dict[str, Any] = {"ordering": "none", "selection": "none"}
+"""Parameters of `ELMRegressor` that keep every neuron."""
+
+SELECTIONS: dict[str, tuple[dict[str, Any], bool]] = {
+    "all neurons": (ALL_NEURONS, False),
+    "MRSR, PRESS leaves out pairs": ({}, False),
+    "MRSR, PRESS leaves out targets": ({}, True),
+    "all neurons, ridge by PRESS of pairs": ({**ALL_NEURONS, "ridge": "press"}, False),
+    "all neurons, ridge by PRESS of targets": ({**ALL_NEURONS, "ridge": "press"}, True),
+}
+"""Ways to select neurons and penalty: parameters of `ELMRegressor`, and whether it is told which pairs share a target.
+The second is the paper's."""
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """Inputs and targets of a regression.
+
+    Attributes:
+        X: inputs, one row per pair.
+        T: targets, one row per pair.
+        target: number of each pair's target, by which PRESS may leave out pairs together.
+    """
+
+    X: Float[np.ndarray, "pairs inputs"]
+    T: Float64[np.ndarray, "pairs outputs"]
+    target: Int[np.ndarray, "pairs"]
 
 
 @dataclass(frozen=True)
@@ -45,125 +54,41 @@ class SizeCurve:
 
     Attributes:
         sizes: numbers of hidden neurons.
-        test: R² on the test pairs.
-        train: R² on the training pairs.
+        test_r2: R² on the test pairs.
+        train_r2: R² on the training pairs.
     """
 
     sizes: Int[np.ndarray, "sizes"]
-    test: Float64[np.ndarray, "sizes"]
-    train: Float64[np.ndarray, "sizes"]
+    test_r2: Float64[np.ndarray, "sizes"]
+    train_r2: Float64[np.ndarray, "sizes"]
 
 
 @dataclass(frozen=True)
-class LeaveOneOutCurve:
-    """Figure 9: leave-one-out error against the number of neurons, in MRSR order.
-
-    Attributes:
-        error: mean squared error of the first 1, 2, … neurons.
-        best: number with the least.
-    """
-
-    error: Float64[np.ndarray, "neurons"]
-    best: int
-
-
-@dataclass(frozen=True)
-class Predictions:
-    """Figures 8 and 10: test targets and what the ELM predicts before and after regularisation.
+class Regularisation:
+    """Figures 8 to 10: one hidden layer before and after MRSR and PRESS.
 
     Attributes:
         truth: the test pairs' targets.
-        plain: predictions of all neurons.
-        regularised: predictions of the neurons that MRSR and PRESS keep.
-        plain_accuracy: R² of the former.
-        regularised_accuracy: R² of the latter.
+        elm: predictions of all neurons.
+        relm: predictions of the neurons that MRSR and PRESS keep.
+        elm_r2: R² of the former.
+        relm_r2: R² of the latter.
         kept: number of neurons kept.
+        press_curve: mean squared leave-one-out error of the first 1, 2, … neurons in MRSR order.
     """
 
-    truth: Float64[np.ndarray, "samples outputs"]
-    plain: Float64[np.ndarray, "samples outputs"]
-    regularised: Float64[np.ndarray, "samples outputs"]
-    plain_accuracy: float
-    regularised_accuracy: float
+    truth: Float64[np.ndarray, "pairs outputs"]
+    elm: Float64[np.ndarray, "pairs outputs"]
+    relm: Float64[np.ndarray, "pairs outputs"]
+    elm_r2: float
+    relm_r2: float
     kept: int
-
-
-def accuracy_by_size(
-    X: Float64[np.ndarray, "samples inputs"],
-    T: Float64[np.ndarray, "samples outputs"],
-    X_test: Float64[np.ndarray, "test inputs"],
-    T_test: Float64[np.ndarray, "test outputs"],
-    sizes: Sequence[int] = PAPER_SIZES,
-    **parameters: Any,
-) -> SizeCurve:
-    """Accuracy without selection for several numbers of neurons.
-
-    Args:
-        X, T: training pairs.
-        X_test, T_test: test pairs.
-        sizes: numbers of hidden neurons.
-        parameters: of `ELMRegressor`, for example `activation`, `ridge`, `random_state`.
-
-    Returns:
-        Figure 7.
-    """
-    settings: dict[str, Any] = {**parameters, "ordering": "none", "selection": "none"}
-    scores = []
-    for size in sizes:
-        model = ELMRegressor(size, **settings).fit(X, T)
-        scores.append((r2_score(T_test, model.predict(X_test)), r2_score(T, model.predict(X))))
-    test, train = np.array(scores).T
-    return SizeCurve(np.asarray(sizes), test, train)
-
-
-def leave_one_out_curve(model: ELMRegressor) -> LeaveOneOutCurve:
-    """Figure 9 of a model fitted with `selection="press"`.
-
-    Args:
-        model: fitted.
-
-    Returns:
-        The curve and its minimum.
-    """
-    assert model.press_curve_ is not None, "fit with selection='press'"
-    return LeaveOneOutCurve(model.press_curve_, int(np.argmin(model.press_curve_)) + 1)
-
-
-def before_and_after(
-    X: Float64[np.ndarray, "samples inputs"],
-    T: Float64[np.ndarray, "samples outputs"],
-    X_test: Float64[np.ndarray, "test inputs"],
-    T_test: Float64[np.ndarray, "test outputs"],
-    n_hidden: int = 1950,
-    **parameters: Any,
-) -> tuple[Predictions, ELMRegressor]:
-    """Predictions of one hidden layer before and after MRSR and PRESS.
-
-    Args:
-        X, T: training pairs.
-        X_test, T_test: test pairs.
-        n_hidden: number of neurons before selection.
-        parameters: of `ELMRegressor`; `random_state` is 0 unless given, and both have the same neurons.
-
-    Returns:
-        Figures 8 and 10, and the regularised model, whose curve is Figure 9.
-    """
-    settings: dict[str, Any] = {"random_state": 0, **parameters}
-    everything: dict[str, Any] = {**settings, "ordering": "none", "selection": "none"}
-    regularised: dict[str, Any] = {"ordering": "mrsr", **settings, "selection": "press"}
-    plain = ELMRegressor(n_hidden, **everything).fit(X, T)
-    model = ELMRegressor(n_hidden, **regularised).fit(X, T)
-    before, after = (m.predict(X_test).reshape(len(X_test), -1) for m in (plain, model))
-    truth = np.asarray(T_test, np.float64).reshape(len(X_test), -1)
-    return (
-        Predictions(truth, before, after, r2_score(truth, before), r2_score(truth, after), model.n_selected_),
-        model,
-    )
+    press_curve: Float64[np.ndarray, "neurons"]
 
 
 @dataclass(frozen=True)
-class Choice:
-    """One way to choose neurons and penalty.
+class SelectionResult:
+    """What one way to select neurons and penalty finds.
 
     Attributes:
         accuracy: R² on the test pairs.
@@ -176,40 +101,68 @@ class Choice:
     ridge: float
 
 
-ALL: dict[str, Any] = {"ordering": "none", "selection": "none"}
-WAYS: dict[str, tuple[dict[str, Any], bool]] = {
-    "all neurons": (ALL, False),
-    "MRSR, PRESS leaves out pairs": ({}, False),
-    "MRSR, PRESS leaves out targets": ({}, True),
-    "all neurons, ridge by PRESS of pairs": ({**ALL, "ridge": "press"}, False),
-    "all neurons, ridge by PRESS of targets": ({**ALL, "ridge": "press"}, True),
-}
-"""Ways to choose neurons and penalty: parameters of `ELMRegressor`, and whether it is told which pairs share a target.
-The second is the paper's."""
-
-
-def accuracy_by_choice(
-    X: Float64[np.ndarray, "samples inputs"],
-    T: Float64[np.ndarray, "samples outputs"],
-    X_test: Float64[np.ndarray, "test inputs"],
-    T_test: Float64[np.ndarray, "test outputs"],
-    groups: Int[np.ndarray, "samples"],
-    **parameters: Any,
-) -> dict[str, Choice]:
-    """What each of `WAYS` is worth, with the same hidden layer.
+def accuracy_by_size(train: Pairs, test: Pairs, sizes: Sequence[int] = PAPER_SIZES, **parameters: Any) -> SizeCurve:
+    """Accuracy without selection for several numbers of neurons (Figure 7).
 
     Args:
-        X, T: training pairs.
-        X_test, T_test: test pairs, of other targets.
-        groups: number of each training pair's target.
+        train: pairs to fit.
+        test: pairs to predict.
+        sizes: numbers of hidden neurons.
+        parameters: of `ELMRegressor`, for example `activation`, `ridge`, `random_state`.
+
+    Returns:
+        The curve.
+    """
+    scores = []
+    for size in sizes:
+        model = ELMRegressor(size).set_params(**{**parameters, **ALL_NEURONS}).fit(train.X, train.T)
+        scores.append([r2_score(pairs.T, model.predict(pairs.X)) for pairs in (test, train)])
+    test_r2, train_r2 = np.array(scores).T
+    return SizeCurve(np.asarray(sizes), test_r2, train_r2)
+
+
+def compare_regularisation(train: Pairs, test: Pairs, n_hidden: int = 1950, **parameters: Any) -> Regularisation:
+    """Predictions of one hidden layer before and after MRSR and PRESS (Figures 8 to 10).
+
+    Args:
+        train: pairs to fit.
+        test: pairs to predict.
+        n_hidden: number of neurons before selection.
+        parameters: of `ELMRegressor`; `random_state` is 0 unless given, and both models have the same neurons.
+
+    Returns:
+        The predictions, their accuracy, and the leave-one-out curve.
+    """
+    base = ELMRegressor(n_hidden, random_state=0).set_params(**parameters)
+    elm = clone(base).set_params(**ALL_NEURONS).fit(train.X, train.T)
+    relm = clone(base).set_params(selection="press").fit(train.X, train.T)
+    before, after = elm.predict(test.X), relm.predict(test.X)
+    assert relm.press_curve_ is not None
+    return Regularisation(
+        truth=test.T,
+        elm=before,
+        relm=after,
+        elm_r2=r2_score(test.T, before),
+        relm_r2=r2_score(test.T, after),
+        kept=relm.n_selected_,
+        press_curve=relm.press_curve_,
+    )
+
+
+def accuracy_by_selection(train: Pairs, test: Pairs, **parameters: Any) -> dict[str, SelectionResult]:
+    """What each of `SELECTIONS` finds with the same hidden layer.
+
+    Args:
+        train: pairs to fit.
+        test: pairs to predict, of other targets.
         parameters: of `ELMRegressor`; `random_state` is 0 unless given.
 
     Returns:
-        The choices, by the names of `WAYS`.
+        The results, by the names of `SELECTIONS`.
     """
-    found = {}
-    for name, (way, grouped) in WAYS.items():
-        settings: dict[str, Any] = {"random_state": 0, **parameters, **way}
-        model = ELMRegressor(**settings).fit(X, T, groups if grouped else None)
-        found[name] = Choice(r2_score(T_test, model.predict(X_test)), model.n_selected_, model.ridge_)
-    return found
+    results = {}
+    for name, (selection, by_target) in SELECTIONS.items():
+        model = ELMRegressor(random_state=0).set_params(**{**parameters, **selection})
+        model.fit(train.X, train.T, train.target if by_target else None)
+        results[name] = SelectionResult(r2_score(test.T, model.predict(test.X)), model.n_selected_, model.ridge_)
+    return results

@@ -13,8 +13,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 from sklearn.utils.validation import check_is_fitted
 
-from relm_irl_jax.elm.hidden import HiddenLayer
-from relm_irl_jax.elm.mrsr import MRSRPath
+from relm_irl_jax.elm.hidden_layer import HiddenLayer
 from relm_irl_jax.elm.regressor import Diagnostics, ELMRegressor
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.files import write_bytes
@@ -22,10 +21,10 @@ from relm_irl_jax.files import write_bytes
 FORMAT = "relm-irl-jax/elm"
 """Name of the file format, in the metadata."""
 
-VERSION = 1
+VERSION = 2
 """Version of the file format; a reader refuses any other."""
 
-RECORDS = {"hidden_": HiddenLayer, "mrsr_": MRSRPath, "diagnostics_": Diagnostics}
+DATACLASSES = {"hidden_": HiddenLayer, "diagnostics_": Diagnostics}
 """Fitted attributes that are dataclasses, saved field by field."""
 
 
@@ -88,12 +87,10 @@ def load_elm(path: str | Path) -> ELMRegressor:
     text = json.loads(metadata["model"])
     model = ELMRegressor(**text["parameters"])
     found = {**text["values"], **tensors}
-    for name, kind in RECORDS.items():
-        parts = {field.name: found.pop(f"{name}.{field.name}", None) for field in fields(kind)}
-        if name not in found:
-            found[name] = kind(**parts)
-    errors = found["diagnostics_"].ridge_press.items()  # JSON made strings of its keys
-    found["diagnostics_"] = replace(found["diagnostics_"], ridge_press={float(key): error for key, error in errors})
+    for name, kind in DATACLASSES.items():
+        found[name] = kind(**{field.name: found.pop(f"{name}.{field.name}") for field in fields(kind)})
+    errors = found["diagnostics_"].ridge_errors.items()  # JSON made strings of its keys
+    found["diagnostics_"] = replace(found["diagnostics_"], ridge_errors={float(key): error for key, error in errors})
     if "feature_names_in_" in found:
         found["feature_names_in_"] = np.asarray(found["feature_names_in_"], object)
     vars(model).update(found)

@@ -12,7 +12,6 @@ import numpy as np
 from jaxtyping import Float32, Float64, Int
 
 from relm_irl_jax.elm import ELMRegressor
-from relm_irl_jax.elm.linear import float64
 from relm_irl_jax.progress import progress_bar
 from relm_irl_jax.rewards.demonstrated import DemonstratedReward
 from relm_irl_jax.rewards.equation import LinearRewardForm, linear_reward
@@ -105,7 +104,7 @@ def fit_regressor(data: PairData, settings: ElmSettings, seed: int, *, regularis
     if regressor.ordering == "none":
         return regressor.fit(data.inputs, data.weights, groups)
     with progress_bar("ordering neurons", min(settings.hidden, len(data.inputs)), "neurons") as advance:
-        return regressor.fit(data.inputs, data.weights, groups, report=advance)
+        return regressor.fit(data.inputs, data.weights, groups, progress=advance)
 
 
 class RewardPredictor:
@@ -147,9 +146,8 @@ class RewardPredictor:
         Returns:
             The weights.
         """
-        with float64():
-            pairs = self._as_start[scene][start] + self._as_target[scene][target]
-        return self._regressor.hidden_.outputs(pairs) @ self._regressor.coef_ + self._regressor.intercept_
+        pairs = self._as_start[scene][start] + self._as_target[scene][target]
+        return self._regressor.hidden_.activate(pairs) @ self._regressor.coef_ + self._regressor.intercept_
 
     def weights_to(self, target: Target) -> Float64[np.ndarray, "states d"]:
         """Predicted weights from every state of the target's scene.

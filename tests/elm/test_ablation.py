@@ -3,39 +3,52 @@
 import numpy as np
 import pytest
 
-from relm_irl_jax.elm.ablation import WAYS, accuracy_by_choice, accuracy_by_size, before_and_after, leave_one_out_curve
+from relm_irl_jax.elm.ablation import (
+    SELECTIONS,
+    Pairs,
+    accuracy_by_selection,
+    accuracy_by_size,
+    compare_regularisation,
+)
+
+NEURONS = 50
 
 
-@pytest.fixture
-def pairs(rng):
-    X = rng.standard_normal((150, 6))
-    T = np.tanh(X @ rng.standard_normal((6, 3))) + 0.05 * rng.standard_normal((150, 3))
-    return X[:100], T[:100], X[100:], T[100:]
+@pytest.fixture(scope="module")
+def pairs():
+    rng = np.random.default_rng(0)
+    X = rng.standard_normal((120, 6))
+    T = np.tanh(X @ rng.standard_normal((6, 3))) + 0.05 * rng.standard_normal((120, 3))
+    targets = np.arange(60) // 2
+    return Pairs(X[:60], T[:60], targets), Pairs(X[60:], T[60:], targets)
+
+
+@pytest.fixture(scope="module")
+def regularisation(pairs):
+    return compare_regularisation(*pairs, n_hidden=NEURONS)
 
 
 def test_accuracy_rises_then_falls_where_the_samples_are_used_up(pairs):
-    curve = accuracy_by_size(*pairs, sizes=(1, 30, 99), random_state=0)
-    assert curve.sizes.tolist() == [1, 30, 99]
-    assert curve.test[1] > curve.test[0]
-    assert curve.test[1] > curve.test[2]
-    assert (np.diff(curve.train) > 0).all()
-    assert curve.train[2] == pytest.approx(1)
+    curve = accuracy_by_size(*pairs, sizes=(1, 20, 59), random_state=0)
+    assert curve.sizes.tolist() == [1, 20, 59]
+    assert curve.test_r2[1] > curve.test_r2[0]
+    assert curve.test_r2[1] > curve.test_r2[2]
+    assert (np.diff(curve.train_r2) > 0).all()
+    assert curve.train_r2[2] == pytest.approx(1)
 
 
-def test_before_and_after(pairs):
-    predictions, model = before_and_after(*pairs, n_hidden=90)
-    assert predictions.truth.shape == predictions.plain.shape == predictions.regularised.shape == (50, 3)
-    assert predictions.regularised_accuracy > predictions.plain_accuracy
-    curve = leave_one_out_curve(model)
-    assert curve.best == predictions.kept == np.argmin(curve.error) + 1
-    assert len(curve.error) == 90
+def test_mrsr_and_press_predict_better(regularisation):
+    assert regularisation.truth.shape == regularisation.elm.shape == regularisation.relm.shape == (60, 3)
+    assert regularisation.relm_r2 > regularisation.elm_r2
+    assert regularisation.kept == np.argmin(regularisation.press_curve) + 1
+    assert len(regularisation.press_curve) == NEURONS
 
 
-def test_every_way_to_choose_neurons_is_judged_on_the_test_pairs(pairs):
-    choices = accuracy_by_choice(*pairs, np.arange(100) // 2, n_hidden=90)
-    assert list(choices) == list(WAYS)
-    everything, *chosen = choices.values()
-    assert (everything.kept, everything.ridge) == (90, 0.0)
-    assert all(choice.accuracy > everything.accuracy for choice in chosen)
-    assert choices["MRSR, PRESS leaves out pairs"].kept == before_and_after(*pairs, n_hidden=90)[0].kept
-    assert choices["all neurons, ridge by PRESS of targets"].ridge > 0
+def test_every_selection_is_judged_on_the_test_pairs(pairs, regularisation):
+    results = accuracy_by_selection(*pairs, n_hidden=NEURONS)
+    assert list(results) == list(SELECTIONS)
+    everything, *selected = results.values()
+    assert (everything.kept, everything.ridge) == (NEURONS, 0.0)
+    assert all(result.accuracy > everything.accuracy for result in selected)
+    assert results["MRSR, PRESS leaves out pairs"].kept == regularisation.kept
+    assert results["all neurons, ridge by PRESS of targets"].ridge > 0

@@ -3,17 +3,19 @@
 import csv
 
 from relm_irl_jax.benchmarks import elm
+from relm_irl_jax.benchmarks.elm import Size
 
 
 def test_it_saves_its_table_and_figure(tmp_path, monkeypatch):
-    monkeypatch.setattr(elm, "PEER", (60, 16, 10))
-    monkeypatch.setattr(elm, "LARGEST", (60, 24, 3))
-    monkeypatch.setattr(elm, "SCALING", {"L": [(60, 16, 3), (60, 24, 3)], "N": [(60, 24, 3)], "p": [(60, 24, 3)]})
+    size = Size(60, 20, 3)
+    monkeypatch.setattr(elm, "PEER", size)
+    monkeypatch.setattr(elm, "LARGEST", size)
+    monkeypatch.setattr(elm, "SCALING", {"L": [size, Size(60, 40, 3)], "N": [size], "p": [size]})
     rows = elm.main(tmp_path, repeats=2)
     with (tmp_path / "elm.csv").open() as file:
         assert len(list(csv.DictReader(file))) == len(rows)
     assert (tmp_path / "elm.png").stat().st_size > 10_000
-    assert {row.method for row in rows if row.group == "largest"} == {
+    assert {row.method for row in rows if row.case == "largest"} == {
         "relm-irl-jax, norm 1",
         "relm-irl-jax, norm 2",
         "floor",

@@ -1,0 +1,122 @@
+"""Input of MRSR and PRESS: checked, centred or standardised, and padded to one of few shapes before it is compiled for.
+
+These functions run on the host, in float64. `float64` is the context in which the package calls its compiled functions.
+"""
+
+from typing import Any
+
+import jax
+import numpy as np
+from jaxtyping import Float64
+from sklearn.utils import check_array
+
+from relm_irl_jax.errors import InputError
+
+
+def float64() -> Any:
+    """Context in which JAX computes in float64; the caller's global configuration stays as it is."""
+    return jax.enable_x64(True)
+
+
+def check_matrix(value: Any, name: str) -> Float64[np.ndarray, "rows columns"]:
+    """Check that a value is a finite matrix; a vector counts as one column.
+
+    Args:
+        value: array-like of real numbers.
+        name: how the message names it.
+
+    Returns:
+        The matrix in float64.
+
+    Raises:
+        InputError: it is empty, not a matrix of real numbers, or holds NaN or infinity.
+    """
+    try:
+        matrix = check_array(value, dtype=np.float64, ensure_2d=False, input_name=name)
+    except (TypeError, ValueError) as error:
+        message = str(error).splitlines()[0]
+        raise InputError(f"{name} must be a finite matrix with one row per sample. {message}") from error
+    return matrix[:, None] if matrix.ndim == 1 else matrix
+
+
+def check_regression(
+    H: Any, T: Any
+) -> tuple[Float64[np.ndarray, "samples neurons"], Float64[np.ndarray, "samples outputs"]]:
+    """Check regressors and targets, which share their rows.
+
+    Args:
+        H: regressors, one row per sample.
+        T: targets, one row per sample; a vector counts as one output.
+
+    Returns:
+        Both as matrices in float64.
+
+    Raises:
+        InputError: either is unusable, or their numbers of rows differ.
+    """
+    H, T = check_matrix(H, "H"), check_matrix(T, "T")
+    if len(H) != len(T):
+        raise InputError(f"H has {len(H)} rows but T has {len(T)}; both need one row per sample.")
+    return H, T
+
+
+def centre_columns(
+    matrix: Float64[np.ndarray, "rows columns"], mean: Float64[np.ndarray, "columns"] | None = None
+) -> Float64[np.ndarray, "rows columns"]:
+    """Subtract each column's mean; columns that are constant up to rounding become exactly zero.
+
+    Args:
+        matrix: one row per sample.
+        mean: the columns' means, where they are known.
+
+    Returns:
+        Columns of mean zero.
+    """
+    centred = matrix - (matrix.mean(axis=0) if mean is None else mean)
+    rounding = 4 * np.finfo(np.float64).eps * np.abs(matrix).max(axis=0)
+    return np.where(np.abs(centred).max(axis=0) <= rounding, 0, centred)
+
+
+def standardise_columns(matrix: Float64[np.ndarray, "rows columns"]) -> Float64[np.ndarray, "rows columns"]:
+    """Centre each column and divide it by its Euclidean norm; constant columns become zero.
+
+    Args:
+        matrix: one row per sample.
+
+    Returns:
+        Columns of mean zero and norm one, or zero.
+    """
+    centred = centre_columns(matrix)
+    largest = np.abs(centred).max(axis=0)
+    centred = centred / np.where(largest > 0, largest, 1)  # squares of very small numbers would vanish in the norm
+    norm = np.linalg.norm(centred, axis=0)
+    return centred / np.where(norm > 0, norm, 1)
+
+
+def padded_length(length: int) -> int:
+    """Length that an axis is padded to, so that problems of similar shape share one compiled function.
+
+    Args:
+        length: length of the axis.
+
+    Returns:
+        0, 1, 16, 64, 128, 256, or the next multiple of 16.
+    """
+    if length <= 1:
+        return length
+    for short in (16, 64, 128, 256):
+        if length <= short:
+            return short
+    return -(-length // 16) * 16
+
+
+def pad_with_zeros(matrix: Float64[np.ndarray, "rows columns"]) -> Float64[np.ndarray, "more_rows more_columns"]:
+    """Append zero rows and columns up to `padded_length`; they change neither the order nor any error.
+
+    Args:
+        matrix: any matrix.
+
+    Returns:
+        The padded matrix.
+    """
+    return np.pad(matrix, [(0, padded_length(length) - length) for length in matrix.shape])
