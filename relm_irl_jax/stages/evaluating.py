@@ -111,5 +111,5 @@ def _save_distance_maps(folder: RunFolder, task: str, ground: Ground, learned: M
         for method, policy in learned.items():
             maps[method] = np.asarray(distance(policy.places.here[own], policy.wanted[row], policy.settings), float)
         category = ground.chosen[row].category
-        saved = StateMap(poses_of(scene), seed=0, target=target, category=category, values=maps)
+        saved = StateMap(poses=poses_of(scene), seed=0, target=target, category=category, values=maps)
         save_map(folder.distance_map(task, scene.room_type), saved)

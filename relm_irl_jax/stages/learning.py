@@ -159,7 +159,7 @@ def _save_reward_maps(scenes: Sequence[Scene], split: TaskSplit, learned: Learne
             weights |= {method: machine_.predict(pair)[0] for method, machine_ in learned.machines.items()}
             phi = learned.basis(scene.encoded)
             saved = StateMap(
-                poses_of(scene),
+                poses=poses_of(scene),
                 seed=0,
                 target=target.state,
                 category=target.category,

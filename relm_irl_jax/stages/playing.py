@@ -103,7 +103,7 @@ def keep_episodes(
             continue
         category = next(t.category for t in chosen if (t.scene, t.state) == (number, walk.target))
         first[scene.room_type] = SavedEpisode(
-            poses_of(scene),
+            poses=poses_of(scene),
             method=method,
             seed=seed,
             target=walk.target,
