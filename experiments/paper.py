@@ -23,12 +23,12 @@ import elm_ablation
 import irl_stability
 import tyro
 from joblib import parallel_config
-from pydantic import PositiveInt, ValidationError
+from pydantic import PositiveInt
 from pydantic.dataclasses import dataclass
 
 from relm_irl_jax.config import read_fields
 from relm_irl_jax.elm.ablation import PAPER_SIZES
-from relm_irl_jax.errors import InputError, first_fault
+from relm_irl_jax.errors import InputError
 from relm_irl_jax.progress import console
 from relm_irl_jax.studies.ablation import ablation_rows, load_ablation, run_ablation
 from relm_irl_jax.studies.page import RUN_TITLES, write_study
@@ -99,5 +99,3 @@ if __name__ == "__main__":
         main(tyro.cli(Paper, description=__doc__))
     except InputError as error:
         sys.exit(f"paper: {error}")
-    except ValidationError as error:
-        sys.exit(f"paper: {first_fault(error)}")

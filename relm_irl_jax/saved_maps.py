@@ -70,7 +70,7 @@ def poses_of(scene: Scene) -> ScenePoses:
     return ScenePoses(scene.name, scene.room_type, scene.location, scene.rotation)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class StateMap:
     """A value of every state of a scene for one target, by several methods.
 
@@ -79,8 +79,8 @@ class StateMap:
         seed: seed of the methods and of the target.
         target: the target's state.
         category: category of the object that the target shows; empty where it was chosen by its place.
-        values: for each method, or `SHORTEST_PATH`, a value of every state: a reward, or a distance in actions. NaN,
-            infinite or, of distances, negative where there is none.
+        values: for each method, or `SHORTEST_PATH`, a value of every state: a reward, or a distance in actions. NaN
+            or infinite where there is none, and of `SHORTEST_PATH` negative where there is no path.
         start: the state from which rewards are predicted; None where values depend on no start.
         limits: ends of the colour scale, the interval to which values are clipped where they are used; None for those
             of the values.
@@ -153,7 +153,7 @@ def load_map(path: Path) -> StateMap:
     return _load(path, build)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SavedEpisode:
     """One episode of an agent.
 

@@ -82,13 +82,13 @@ def state_map(
     """Distances to state 20 of the room, or, with a start, as many negative rewards; each method has its own."""
     distance = ROOM.shortest_path_distance[:, 20].astype(float)
     values = {m: distance * (1 + 0.1 * n) * (1 if start is None else -0.1) for n, m in enumerate(methods)}
-    return StateMap(POSES, seed=0, target=20, category="lamp", values=values, start=start, limits=limits)
+    return StateMap(poses=POSES, seed=0, target=20, category="lamp", values=values, start=start, limits=limits)
 
 
 def episode(path: Sequence[int] = (0, 8, 16, 20), method: str = "relm-irl") -> SavedEpisode:
     """A walk along the room, to state 20."""
     return SavedEpisode(
-        POSES,
+        poses=POSES,
         method=method,
         seed=0,
         target=20,

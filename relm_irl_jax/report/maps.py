@@ -61,7 +61,9 @@ def distance_figure(saved: StateMap) -> Figure:
     Returns:
         The figure.
     """
-    values = {name: np.where(own >= 0, own, np.nan) for name, own in _finite(saved).items()}
+    values = _finite(saved)
+    if SHORTEST_PATH in values:
+        values[SHORTEST_PATH] = np.where(values[SHORTEST_PATH] >= 0, values[SHORTEST_PATH], np.nan)
     return _figure(saved, values, ColourScale(0.0, max(_known(values), default=1.0), "distance in actions"))
 
 
@@ -146,12 +148,12 @@ def _figure(saved: StateMap, values: Mapping[str, Float64[np.ndarray, "states"]]
     figure = Figure(figsize=size, layout="constrained")
     panels = figure.subplots(rows, columns, squeeze=False)
     collections = []
-    for panel, (name, own) in zip(panels.flat, values.items(), strict=False):
+    for number, (panel, (name, own)) in enumerate(zip(panels.flat, values.items(), strict=False)):
         collections.append(_triangles(panel, saved.poses, own))
         collections[-1].set_clim(scale.low, scale.high)
         _mark(panel, saved)
         panel.set(title=_title(name), aspect="equal")
-        panel.label_outer()
+        panel.tick_params(labelbottom=number + columns >= len(values), labelleft=number % columns == 0)
     for panel in panels.flat[len(values) :]:
         panel.set_axis_off()
     figure.supxlabel("x in metres", fontsize=10)

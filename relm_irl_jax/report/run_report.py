@@ -47,6 +47,7 @@ def write_report(folder: RunFolder) -> Path:
     Raises:
         InputError: there is no run in the folder, or it holds no results.
     """
+    load_run_settings(folder)  # says where there is no run at all
     tasks = list(load_all_results(folder))
     title = f"# Task {' and '.join(tasks)}" if len(tasks) < 3 else f"# {folder.path.name}: Tasks {', '.join(tasks)}"
     text = [title, "", *run_sections(folder, folder.path, "##"), *circumstances(folder, "##")]

@@ -12,7 +12,7 @@ from relm_irl_jax.errors import InputError, first_fault
 from relm_irl_jax.run_folder import RunFolder
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class RunSettings:
     """Some fields of a run's configuration.
 

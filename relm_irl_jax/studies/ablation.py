@@ -60,7 +60,7 @@ class Ablation:
     agents: dict[AgentName, dict[str, Any]] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class AblationRow:
     """One row of the table.
 
@@ -175,7 +175,18 @@ def ablation_rows(ablation: Ablation, changes: Mapping[str, Any], folder: Path) 
             value = {key: mean_interval(list(seeds.values())) for key, seeds in own.items()}
             change = {key: paired_difference(seeds, base[key])[0] for key, seeds in own.items() if name != BASE}
             rank = mean_interval([_rank_of_new_targets(run, seed) for seed in range(config.seeds)])
-            rows.append(AblationRow(agent, name, title, config.seeds, config.frames, value, change, rank))
+            rows.append(
+                AblationRow(
+                    agent=agent,
+                    name=name,
+                    title=title,
+                    seeds=config.seeds,
+                    frames=config.frames,
+                    value=value,
+                    change=change,
+                    rank=rank,
+                )
+            )
     return rows
 
 

@@ -160,11 +160,11 @@ def test_curves_of_other_frames_are_not_averaged(tmp_path, undrawn):
 
 
 def test_a_folder_without_results_is_refused(tmp_path, undrawn):
-    with pytest.raises(InputError, match="holds no results; run `relm-irl evaluate"):
-        write_report(RunFolder(tmp_path))
-    folder = write_run(tmp_path, PAIR, tasks=("I",))
-    folder.config.unlink()
+    folder = RunFolder(tmp_path)
     with pytest.raises(InputError, match="give the folder of a run made by"):
+        write_report(folder)
+    write_json(folder.config, CONFIG)
+    with pytest.raises(InputError, match="holds no results; run `relm-irl evaluate"):
         write_report(folder)
     write_json(folder.config, {**CONFIG, "frames": "many"})
     with pytest.raises(InputError, match=r"config\.json: frames = 'many' is refused"):
