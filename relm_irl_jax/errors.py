@@ -31,7 +31,7 @@ def first_fault(error: ValidationError, settings: Any = None) -> str:
     field = ".".join(path)
     if fault["type"] == "unexpected_keyword_argument":
         return f"unknown field `{field}`{_suggestion(path, settings)}."
-    if fault["type"] == "dataclass_type":
+    if fault["type"] == "dataclass_type" and field:
         return f"`{field}` is a group of fields; write `{field}.FIELD`."
     if fault["type"] == "missing":
         return f"{field} is missing."

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import gymnasium
 import jax
@@ -40,8 +40,6 @@ from relm_irl_jax.scenes.scene_file import load_scene
 from relm_irl_jax.tasks import Target
 from relm_irl_jax.world import build_targets, build_world
 
-Observed = Literal["features", "frames"]
-
 
 class _Core:
     """The scene's tables, and the environment's functions compiled for a number of agents."""
@@ -52,7 +50,7 @@ class _Core:
         target: int | str | Sequence[int] | None,
         *,
         cap: int,
-        obs: Observed,
+        obs: str,
         reward: RewardFunction | None,
         history: int,
         agents: int,
@@ -162,7 +160,7 @@ class NavigationEnv(gymnasium.Env):
         target: int | str | Sequence[int] | None = None,
         *,
         cap: int = 100,
-        obs: Observed = "features",
+        obs: str = "features",
         reward: RewardFunction | None = None,
         render_mode: str | None = None,
         history: int = 1,
@@ -231,7 +229,7 @@ class NavigationVectorEnv(VectorEnv):
         target: int | str | Sequence[int] | None = None,
         *,
         cap: int = 100,
-        obs: Observed = "features",
+        obs: str = "features",
         reward: RewardFunction | None = None,
         render_mode: str | None = None,
         history: int = 1,

@@ -22,6 +22,7 @@ VARIABLES = (
     "PIECE",
     "VARIANT",
     "QUICK",
+    "JOBS",
     "ARGS",
 )
 
@@ -60,6 +61,7 @@ def command_of(*arguments: str) -> str:
         (["play"], "relm-irl play"),
         (["play", "RUN=x", "METHOD=rl"], "relm-irl play 'x' --method 'rl'"),
         (["paper"], "experiments/paper.py"),
+        (["paper", "JOBS=2"], "experiments/paper.py --jobs '2'"),
         (["paper", "PIECE=elm metric", "RUN=x"], "experiments/paper.py --pieces elm metric --out 'x'"),
         (["paper", "VARIANT=lp", "QUICK=1"], "experiments/paper.py --variants lp --quick"),
         (["paper", "QUICK=0"], "experiments/paper.py"),

@@ -133,5 +133,12 @@ def layers() -> Iterator[Layer]:
 
 
 def global_average_pool(maps: Float[Array, "view rows columns feature"]) -> Float[Array, "view feature"]:
-    """Mean over the positions of each feature map."""
+    """Mean over the positions of each feature map.
+
+    Args:
+        maps: feature maps.
+
+    Returns:
+        One number for each feature.
+    """
     return jnp.mean(maps, axis=(1, 2))

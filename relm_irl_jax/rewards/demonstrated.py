@@ -84,7 +84,7 @@ def demonstrate_targets(
 def learn_demonstrated_rewards(
     scenes: Sequence[Scene],
     split: TaskSplit,
-    phi: Sequence[Float64[np.ndarray, "states d"]],
+    phi: Sequence[Float64[np.ndarray, "_ d"]],
     settings: IrlSettings,
     seed: int,
 ) -> tuple[DemonstratedReward, ...]:

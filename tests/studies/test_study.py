@@ -11,13 +11,14 @@ import joblib
 import numpy as np
 import pytest
 from builders import grid_scene, labelled
-from relm_irl_jax.rewards.demonstrations import RewardBasis
-from relm_irl_jax.rewards.prediction import pair_inputs
-from relm_irl_jax.stages.learning import learn
 
 from relm_irl_jax.config import Config, overlay
 from relm_irl_jax.elm import ELMRegressor
+from relm_irl_jax.rewards.basis import RewardBasis
+from relm_irl_jax.rewards.learned import LearnedRewards
+from relm_irl_jax.rewards.predicted import pair_inputs
 from relm_irl_jax.stages.encoding import EncodedScenes
+from relm_irl_jax.stages.rewards import learn
 from relm_irl_jax.studies import study
 from relm_irl_jax.tasks import draw_split
 
@@ -54,36 +55,39 @@ def test_shared_rewards_are_those_learned(scenes):
     held = shared(scenes, metric={"width": 8})
     pair = pair_inputs(scenes[0].encoded[:3], scenes[0].encoded[5:8])
     np.testing.assert_array_equal(own.basis.components, held.basis.components)
-    for one, other in zip(own.records, held.records, strict=True):
+    for one, other in zip(own.demonstrated, held.demonstrated, strict=True):
         assert one.target == other.target
         np.testing.assert_array_equal(one.solution.w, other.solution.w)
-    for method, regressor in own.machines.items():
-        np.testing.assert_array_equal(regressor.predict(pair), held.machines[method].predict(pair))
+    for method, regressor in own.regressors.items():
+        np.testing.assert_array_equal(regressor.predict(pair), held.regressors[method].predict(pair))
 
 
 def test_rewards_are_shared_as_far_as_configurations_agree(scenes, monkeypatch):
     """Learning is a stub that counts; what it would depend on is what it is called with."""
     calls = Counter()
 
-    def learn_demonstrated(config, scenes, split, seed):
-        assert split == draw_split(scenes, (), config.tasks, seed)
-        calls[config.irl.dimension, seed] += 1
-        return RewardBasis(np.zeros(10, np.float32), np.zeros((10, config.irl.dimension), np.float32)), []
+    def learn_demonstrated(scenes, split, settings, seed):
+        assert split == draw_split(scenes, (), SMALL.tasks, seed)
+        calls[settings.dimension, seed] += 1
+        basis = RewardBasis(np.zeros(10), np.zeros((10, settings.dimension)))
+        return LearnedRewards(basis, (), (), {}, settings.form())
 
-    def fit_machines(config, scenes, demonstrated, seed):
-        calls[config.irl.dimension, config.elm.hidden, seed] += 1
-        return {"relm-irl": ELMRegressor(config.elm.hidden)}
+    def fit_regressors(scenes, demonstrated, settings, seed):
+        calls["fitted", settings.hidden, seed] += 1
+        return {"relm-irl": ELMRegressor(settings.hidden)}
 
     monkeypatch.setattr(study, "learn_demonstrated", learn_demonstrated)
-    monkeypatch.setattr(study, "fit_machines", fit_machines)
+    monkeypatch.setattr(study, "fit_regressors", fit_regressors)
     first = shared(scenes)
-    assert shared(scenes, metric={"width": 8}, frames=7, elm={"follow": True}).machines is first.machines
+    current = {"predict_from": "current"}
+    assert shared(scenes, metric={"width": 8}, frames=7, elm=current).regressors is first.regressors
     smaller = shared(scenes, elm={"hidden": 8})
-    assert smaller.records is first.records
-    assert smaller.machines["relm-irl"].n_hidden == 8
+    assert smaller.basis is first.basis
+    assert smaller.regressors["relm-irl"].n_hidden == 8
     assert shared(scenes, irl={"dimension": 4}).basis.components.shape == (10, 4)
-    assert shared(scenes, seed=2).records is not first.records
-    assert calls == {(6, 1): 1, (6, 16, 1): 1, (6, 8, 1): 1, (4, 1): 1, (4, 16, 1): 1, (6, 2): 1, (6, 16, 2): 1}
+    assert shared(scenes, seed=2).basis is not first.basis
+    learned = {(6, 1): 1, (4, 1): 1, (6, 2): 1}
+    assert calls == learned | {("fitted", 16, 1): 2, ("fitted", 8, 1): 1, ("fitted", 16, 2): 1}
 
 
 def stub():

@@ -34,7 +34,7 @@ def corridor(n: int, features: np.ndarray, name: str) -> Scene:
 def solved():
     """A decision (a corridor of 2 states), a corridor of 3 and a room of 9 places, each with a head of its own.
 
-    Entering the target pays 1, a collision costs 0.5 and any other step 0.1; γ = 0.5.
+    Entering the target pays 1, a collision costs 0.5 and any other step 0.1; γ = 0.8.
     """
     features = np.eye(41, dtype=np.float32)
     scenes = [
@@ -46,11 +46,11 @@ def solved():
     world = build_world(scenes)
     reward = ManualReward(jnp.float32(1.0), jnp.float32(-0.5), jnp.float32(-0.1))
     settings = SiameseSettings(
-        width=64, workers=192, t_max=8, discount=0.5, entropy_weight=0.01, value_weight=1.0, initialisation="uniform"
+        width=64, workers=192, t_max=8, discount=0.8, entropy_weight=0.01, value_weight=1.0, initialisation="uniform"
     )
     tables = build_targets(scenes, targets)
     agent = SiameseAgent(settings)
-    parameters, _ = agent.train(jax.random.key(0), TrainingProblem(world, tables, reward, 40, 500_000), TrainingLog())
+    parameters, _ = agent.train(jax.random.key(0), TrainingProblem(world, tables, reward, 40, 900_000), TrainingLog())
     policy = agent.policy(parameters, world, tables)
     rows = []
     for row, (scene, first) in enumerate(zip(scenes, (0, 2, 5), strict=True)):
@@ -67,10 +67,10 @@ def test_one_decision(solved):
 
 
 def test_two_steps(solved):
-    """V(1) = 1 and V(0) = −0.1 + 0.5 · 1."""
+    """V(1) = 1 and V(0) = −0.1 + 0.8 · 1."""
     policy, value = solved[1][1]
     assert (policy[:2, 0] > 0.95).all()
-    np.testing.assert_allclose(value[:2], [0.4, 1.0], atol=0.1)
+    np.testing.assert_allclose(value[:2], [0.7, 1.0], atol=0.1)
 
 
 def test_nine_places(solved):
@@ -82,8 +82,8 @@ def test_nine_places(solved):
     next_distance = scenes[2].shortest_path_distance[np.maximum(scenes[2].graph, 0), 18]
     next_distance = np.where(scenes[2].graph < 0, distance[:, None], next_distance)
     assert (next_distance[away, policy[away].argmax(1)] == distance[away] - 1).all()
-    power = 0.5 ** (distance - 1)
-    np.testing.assert_allclose(value[away], (power - 0.1 * (1 - power) / 0.5)[away], atol=0.1)
+    power = 0.8 ** (distance - 1)
+    np.testing.assert_allclose(value[away], (power - 0.1 * (1 - power) / 0.2)[away], atol=0.1)
 
 
 def trained(log):

@@ -14,12 +14,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from builders import grid_scene
-from relm_irl_jax.stages.keyboard import any_task, draw_episode, half_blocks, play_in_terminal, split_keys, walk_by_keys
 from rich.console import Console
 
 from relm_irl_jax.config import Config
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.stages import keyboard
+from relm_irl_jax.play import keyboard
+from relm_irl_jax.play.keyboard import any_task, draw_episode, half_blocks, play_in_terminal, split_keys, steps_by_keys
 
 UP, RIGHT, DOWN = "\x1b[A", "\x1b[C", "\x1b[B"
 
@@ -27,7 +27,7 @@ UP, RIGHT, DOWN = "\x1b[A", "\x1b[C", "\x1b[B"
 def walk(keys, target):
     """In a corridor of three places along x, from the first, which faces +z."""
     scene, shown = grid_scene(3, 1), []
-    return walk_by_keys(scene, 0, target, keys, lambda *seen: shown.append(seen)), shown
+    return steps_by_keys(scene, 0, target, keys, lambda *seen: shown.append(seen)), shown
 
 
 def test_a_walk_by_hand():
