@@ -1,24 +1,46 @@
-# Two commands are enough: `make train TASK=II` and `make test`. Each sets up its own environment.
+# Two commands are enough: `make train TASK=II` and `make test`. Each sets up its own environment. `make help` lists the rest:
+# what follows ## is what it says, with the variables that a target uses in brackets.
 PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.ready-$(shell cat requirements.lock pyproject.toml | cksum | cut -d' ' -f1)
 
-# Programs that JAX has compiled once are kept, as the tests keep theirs.
-KEPT   := JAX_COMPILATION_CACHE_DIR=$(CURDIR)/.cache/jax JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS=0
+# Compiled programs are kept, in the folder in which the tests keep theirs.
+KEPT   := JAX_COMPILATION_CACHE_DIR='$(CURDIR)/.cache/jax' JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS=0 \
+          JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES=-1
 
-TASK   ?= II
-METHOD ?= all
-AGENT  ?=
-SCENES ?= rooms
-SEEDS  ?=
-FRAMES ?=
-RUN    ?=
-ARGS   ?=
+# A variable that is not given leaves the value of the configuration.
+TASK    ?=  ## I, II or III: the task that is evaluated; II by default.
+METHOD  ?=  ## all, or some of random, bc, rl, irl, elm-irl, relm-irl, as in METHOD="rl irl".
+AGENT   ?=  ## siamese or metric; siamese by default.
+SCENES  ?=  ## rooms for the built-in ones, or a folder of scene files.
+SEEDS   ?=  ## Number of seeds.
+FRAMES  ?=  ## Training frames for each method and seed: 5000000, 5e6, 5M or 600k.
+RUN     ?=  ## Folder of the run, or of what bench and paper write.
+BENCH   ?=  ## Some of agent, scaling, elm, irl, encoder; all by default.
+PIECE   ?=  ## Pieces of the paper: siamese, metric, ablation, report, ...; all by default.
+VARIANT ?=  ## Variants of the ablation; all by default.
+QUICK   ?=  ## 1 for tiny rooms, few frames and seeds: whether everything runs, not what it finds.
+JOBS    ?=  ## Runs of a study at a time; 1 by default.
+ARGS    ?=  ## More options of the command, as in ARGS="--siamese.width 256"; for tests, of pytest.
 
-.PHONY: help setup train evaluate test smoke lint bench paper notebooks lock clean
+.PHONY: help setup train evaluate report play test slow smoke lint bench paper notebooks lock clean
+
+# A variable on the command line that no target of it uses is refused. (help and refusals: .ci/makefile.py)
+GIVEN   := $(sort $(foreach name,$(.VARIABLES),$(if $(filter command,$(origin $(name))),$(name))))
+REFUSAL := $(if $(GIVEN),$(shell $(PYTHON) -IS .ci/makefile.py '$(or $(MAKECMDGOALS),help)' '$(GIVEN)'))
+$(if $(REFUSAL),$(error $(REFUSAL)))
+
+comma  := ,
+several = $(subst $(comma), ,$($(1)))
+option  = $(if $($(2)),--$(1) '$($(2))')
+options = $(if $($(2)),--$(1) $(call several,$(2)))
+needed  = $(or $($(1)),$(error make $@ needs $(1)=folder))
+TRAIN   = $(call option,task,TASK) $(call options,methods,METHOD) $(call option,agent,AGENT) $(call option,scenes,SCENES) \
+          $(call option,seeds,SEEDS) $(call option,frames,FRAMES) $(call option,run,RUN) $(ARGS)
+
 help:  ## Show this help.
-	@grep -hE '^[a-z]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 12
+	@$(PYTHON) -IS .ci/makefile.py
 
 $(STAMP):
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "relm-irl-jax needs Python 3.11 or newer; give one with PYTHON=python3.11")'
@@ -30,30 +52,40 @@ $(STAMP):
 
 setup: $(STAMP)  ## Create .venv with the locked packages.
 
-train: $(STAMP)  ## Train and evaluate: TASK=I|II|III METHOD= AGENT=siamese|metric SCENES= SEEDS= FRAMES= RUN= ARGS=.
-	@$(BIN)/relm-irl train --task '$(TASK)' --methods '$(METHOD)' --scenes '$(SCENES)' \
-	  $(if $(AGENT),--agent '$(AGENT)') $(if $(SEEDS),--seeds '$(SEEDS)') $(if $(FRAMES),--frames '$(FRAMES)') $(if $(RUN),--run '$(RUN)') $(ARGS)
+train: $(STAMP)  ## Train agents and evaluate them on a task. [TASK METHOD AGENT SCENES SEEDS FRAMES RUN ARGS]
+	@$(BIN)/relm-irl train $(TRAIN)
 
-evaluate: $(STAMP)  ## Evaluate a finished run on another task: RUN= TASK=.
-	@$(BIN)/relm-irl evaluate '$(RUN)' --task '$(TASK)' $(ARGS)
+evaluate: $(STAMP)  ## Evaluate the agents of a run on a task. [RUN TASK ARGS]
+	@$(BIN)/relm-irl evaluate '$(call needed,RUN)' $(call option,task,TASK) $(ARGS)
 
-test: $(STAMP)  ## Run the tests.
+report: $(STAMP)  ## Write the report of a run again. [RUN ARGS]
+	@$(BIN)/relm-irl report '$(call needed,RUN)' $(ARGS)
+
+play: $(STAMP)  ## Watch an agent of a run; without RUN, walk yourself by keyboard. [RUN METHOD TASK ARGS]
+	@$(BIN)/relm-irl play $(if $(RUN),'$(RUN)') $(call option,method,METHOD) $(call option,task,TASK) $(ARGS)
+
+test: $(STAMP)  ## Run the tests, but for the slow ones. [ARGS]
 	@$(BIN)/python -m pytest $(ARGS)
 
-smoke: $(STAMP)  ## Tiny rooms through every stage and every method.
-	@$(BIN)/relm-irl train --config experiments/smoke.toml --task '$(TASK)' $(ARGS)
+slow: $(STAMP)  ## Run the slow tests: whole trainings. [ARGS]
+	@$(BIN)/python -m pytest -m slow $(ARGS) || test $$? = 5  # pytest says 5 where no test is slow
 
-lint: $(STAMP)  ## Style and types.
+smoke: $(STAMP)  ## Train on tiny rooms, through every stage and method. [TASK METHOD AGENT SCENES SEEDS FRAMES RUN ARGS]
+	@$(KEPT) $(BIN)/relm-irl train --config experiments/smoke.toml $(TRAIN)
+
+lint: $(STAMP)  ## Check style and types.
 	@$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/pyrefly check
 
-bench: $(STAMP)  ## Benchmarks: BENCH=agent|scaling|elm|irl|encoder.
-	@$(BIN)/relm-irl bench $(BENCH) $(ARGS)
+bench: $(STAMP)  ## Measure speed on this machine. [BENCH RUN ARGS]
+	@for name in $(or $(call several,BENCH),agent scaling elm irl encoder); do \
+	  $(BIN)/relm-irl bench $$name $(call option,out,RUN) $(ARGS) || exit; done
 
-paper: $(STAMP)  ## Every table and figure: PIECE=siamese|metric|metric-open|...|ablation|report VARIANT= QUICK=1.
-	@$(KEPT) $(BIN)/python experiments/paper.py $(if $(PIECE),--pieces $(PIECE)) $(if $(VARIANT),--variants $(VARIANT)) $(if $(QUICK),--quick) $(ARGS)
+paper: $(STAMP)  ## Make every table and figure of the paper. [PIECE VARIANT QUICK JOBS RUN ARGS]
+	@$(KEPT) $(BIN)/python experiments/paper.py $(call options,pieces,PIECE) $(call options,variants,VARIANT) \
+	  $(if $(filter-out 0 no false,$(QUICK)),--quick) $(call option,out,RUN) $(call option,jobs,JOBS) $(ARGS)
 
-notebooks: $(STAMP)  ## Run the notebooks of experiments/notebooks.
-	@$(KEPT) $(BIN)/python -m pytest --nbmake --nbmake-timeout=300 -n0 -p no:cacheprovider experiments/notebooks
+notebooks: $(STAMP)  ## Run the notebooks of experiments/notebooks. [ARGS]
+	@$(KEPT) $(BIN)/python -m pytest --nbmake --nbmake-timeout=300 -n0 -p no:cacheprovider $(ARGS) experiments/notebooks
 
 lock:  ## Resolve pyproject.toml into requirements.lock (needs uv).
 	uv pip compile pyproject.toml --extra dev --universal --python-version 3.11 --generate-hashes \

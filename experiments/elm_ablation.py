@@ -16,7 +16,7 @@ import tyro
 from matplotlib.figure import Figure
 from rich.console import Console
 
-from relm_irl_jax.config import Config, config_from_record, config_record
+from relm_irl_jax.config import Config, config_from_dict, config_to_dict
 from relm_irl_jax.elm.ablation import (
     PAPER_SIZES,
     Pairs,
@@ -25,14 +25,13 @@ from relm_irl_jax.elm.ablation import (
     compare_regularisation,
 )
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.report.curves import thousands
-from relm_irl_jax.report.figures import press_columns, press_figure, save_figure
-from relm_irl_jax.report.tables import summarise
-from relm_irl_jax.rewards.prediction import pair_data
-from relm_irl_jax.runs import read_table, write_json, write_table
+from relm_irl_jax.files import read_numbers, read_table, write_json, write_table
+from relm_irl_jax.report.figures import load_press_curve, press_columns, press_figure, save_figure
+from relm_irl_jax.report.intervals import mean_interval, mean_intervals
+from relm_irl_jax.rewards.learned import learn_demonstrated
+from relm_irl_jax.rewards.predicted import pair_data
 from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.stages.encoding import encode_training
-from relm_irl_jax.stages.learning import learn_demonstrated
 from relm_irl_jax.tasks import draw_split
 
 POINTS = 8000
@@ -65,7 +64,7 @@ def split_pairs(config: Config, scenes: Sequence[Scene], seed: int) -> tuple[Pai
         Pairs to fit, and pairs of other targets to test on.
     """
     split = draw_split(scenes, (), config.tasks, seed)
-    _, rewards = learn_demonstrated(config, scenes, split, seed)
+    rewards = learn_demonstrated(scenes, split, config.irl, seed).demonstrated
     generator = np.random.default_rng([seed, 4])
     held_out = set(generator.permutation(len(rewards))[: len(rewards) // 6].tolist())
     parts = [[reward for i, reward in enumerate(rewards) if (i in held_out) == test] for test in (False, True)]
@@ -125,7 +124,7 @@ MEASUREMENTS: dict[str, Callable[[Ablation, Pairs, Pairs, int, Path], None]] = {
 
 def read_column(folders: Sequence[Path], table: str, column: str) -> np.ndarray:
     """One column of a table of every seed, one row per seed."""
-    return np.stack([np.asarray(read_table(folder / table)[column], float) for folder in folders])
+    return np.stack([read_numbers(folder / table, [column])[column] for folder in folders])
 
 
 def draw_sizes(folders: Sequence[Path], path: Path) -> None:
@@ -135,8 +134,7 @@ def draw_sizes(folders: Sequence[Path], path: Path) -> None:
     axes = figure.subplots()
     table = {"neurons": sizes}
     for column, label in (("test_r2", "held-out targets"), ("train_r2", "fitted pairs")):
-        cells = [summarise(list(values)) for values in read_column(folders, "sizes.csv", column).T]
-        mean, error = (np.asarray([getattr(cell, name) for cell in cells]) for name in ("mean", "half_width"))
+        mean, error = mean_intervals(read_column(folders, "sizes.csv", column))
         axes.errorbar(sizes, mean, np.nan_to_num(error), fmt="o-", ms=3.5, capsize=2, label=label)
         table |= {column: mean, f"{column}_half_width": error}
     axes.set_xscale("symlog", linthresh=100)
@@ -152,10 +150,10 @@ def draw_predictions(folders: Sequence[Path], path: Path) -> None:
     """Figures 8 and 10: predicted against true weights of the first seed, with the R² of all seeds."""
     points = {name: read_column(folders[:1], "points.csv", name)[0] for name in ("truth", "elm", "relm")}
     figure = Figure(figsize=(7.4, 3.8), layout="constrained")
-    kept = summarise(read_column(folders, "accuracy.csv", "kept")[:, 0].tolist())
-    titles = {"elm": "ELM (Figure 8)", "relm": f"RELM, {thousands(kept)} neurons (Figure 10)"}
+    kept = mean_interval(read_column(folders, "accuracy.csv", "kept")[:, 0].tolist())
+    titles = {"elm": "ELM (Figure 8)", "relm": f"RELM, {kept:,.0f} neurons (Figure 10)"}
     for axes, (name, title) in zip(figure.subplots(1, 2, sharex=True, sharey=True), titles.items(), strict=True):
-        accuracy = summarise(read_column(folders, "accuracy.csv", f"{name}_r2")[:, 0].tolist())
+        accuracy = mean_interval(read_column(folders, "accuracy.csv", f"{name}_r2")[:, 0].tolist())
         limit = 1.05 * np.abs(points["truth"]).max()
         axes.plot([-limit, limit], [-limit, limit], color="#bbbbbb", lw=1)
         axes.scatter(points["truth"], points[name], s=2, alpha=0.3, rasterized=True)
@@ -169,8 +167,8 @@ def summarise_selections(folders: Sequence[Path]) -> dict[str, list]:
     """Means and 95% intervals over seeds for each way to select neurons and penalty, as columns."""
     columns: dict[str, list] = {"choice": read_table(folders[0] / "choices.csv")["choice"]}
     for name in ("accuracy", "kept", "ridge"):
-        cells = [summarise(list(values)) for values in read_column(folders, "choices.csv", name).T]
-        columns |= {name: [cell.mean for cell in cells], f"{name}_half_width": [cell.half_width for cell in cells]}
+        mean, half_width = mean_intervals(read_column(folders, "choices.csv", name))
+        columns |= {name: mean.tolist(), f"{name}_half_width": half_width.tolist()}
     return columns
 
 
@@ -184,11 +182,11 @@ def check_folder(settings: Ablation) -> None:
         InputError: the folder holds another ablation.
     """
     path = settings.out / "settings.json"
-    content = {"sizes": list(settings.sizes), "config": config_record(settings.config)}
+    content = {"sizes": list(settings.sizes), "config": config_to_dict(settings.config)}
     if path.exists():
         found = json.loads(path.read_text())
         # Settings that a later version added have their defaults.
-        found["config"] = config_record(config_from_record(found["config"], "settings.json"))
+        found["config"] = config_to_dict(config_from_dict(found["config"], "settings.json"))
         if found != content:
             raise InputError(
                 f"out: {settings.out} holds an ablation with other settings; give another folder, or remove it."
@@ -218,15 +216,15 @@ def main(settings: Ablation) -> None:
                 MEASUREMENTS[table](settings, train, test, seed, folders[seed])
     draw_sizes(folders, out / "figure-7.png")
     draw_predictions(folders, out / "figure-8-10.png")
-    curves = [np.asarray(read_table(folder / "press.csv")["mean_squared_error"], float) for folder in folders]
+    curves = [load_press_curve(folder / "press.csv") for folder in folders]
     save_figure(press_figure(curves), out / "figure-9.png", press_columns(curves))
     accuracy = {name: read_column(folders, "accuracy.csv", name)[:, 0] for name in ("elm_r2", "relm_r2", "kept")}
     write_table(out / "accuracy.csv", {"seed": range(settings.seeds), **accuracy})
     write_table(out / "choices.csv", summarise_selections(folders))
-    cells = {name: summarise(values.tolist()) for name, values in accuracy.items()}
+    means = {name: mean_interval(values.tolist()) for name, values in accuracy.items()}
     console.print(
-        f"R² on held-out targets: {cells['elm_r2']} with all {settings.config.elm.hidden} neurons, "
-        f"{cells['relm_r2']} with the {thousands(cells['kept'])} kept.",
+        f"R² on held-out targets: {means['elm_r2']} with all {settings.config.elm.hidden} neurons, "
+        f"{means['relm_r2']} with the {means['kept']:,.0f} kept.",
         highlight=False,
     )
     console.print(f"Figures and tables: {out}", highlight=False)

@@ -5,28 +5,34 @@
                                               stability, ablation, report
     make paper PIECE=ablation VARIANT=lp      one variant, and the base that it is compared with
     make paper QUICK=1                        the same code on tiny rooms, in runs/paper-quick
+    make paper JOBS=4                         four runs at a time, each in a process of its own
 
 Tables 1 to 3 and Figures 6 and 11 are of the pieces `siamese` (the paper's agent) and `metric`, Figures 7 to 10 of
 `elm`. The piece `vizdoom` runs where it is named, since its scenes have to be recorded first. The presets lie in
-experiments/paper.
+experiments/paper. Runs go where joblib's context sends them: a script that calls `main` within `joblib.parallel_config`
+can spread them over a cluster.
 """
 
 import sys
-from dataclasses import dataclass, replace
+from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal, get_args
 
 import elm_ablation
 import irl_stability
 import tyro
+from joblib import parallel_config
+from pydantic import PositiveInt
+from pydantic.dataclasses import dataclass
 
-from relm_irl_jax.config import read_record
+from relm_irl_jax.config import read_fields
 from relm_irl_jax.elm.ablation import PAPER_SIZES
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.progress import console
-from relm_irl_jax.studies.ablation import load_ablation, measure, run_ablation
+from relm_irl_jax.studies.ablation import ablation_rows, load_ablation, run_ablation
 from relm_irl_jax.studies.page import RUN_TITLES, write_study
-from relm_irl_jax.studies.study import complete, preset
+from relm_irl_jax.studies.study import complete_run, complete_runs, load_preset
 
 PRESETS = Path(__file__).parent / "paper"
 QUICK = PRESETS / "quick.toml"
@@ -49,6 +55,8 @@ class Paper:
     """Tiny rooms, few frames and seeds: whether everything runs, not what it finds."""
     out: Path | None = None
     """Folder of the study; by default runs/paper or runs/paper-quick."""
+    jobs: PositiveInt = 1
+    """Runs at a time, each in a process of its own; with 1, as joblib's context says, by default in this process."""
 
 
 def main(settings: Paper) -> Path:
@@ -67,20 +75,21 @@ def main(settings: Paper) -> Path:
     unknown = [name for name in names if name not in ablation.variants]
     if unknown:
         raise InputError(f"variants: there is no {unknown[0]}; known are {', '.join(ablation.variants)}.")
-    changes = read_record(QUICK) if settings.quick else {}
-    for name in RUN_TITLES:
-        if name in settings.pieces:
-            complete(replace(preset(PRESETS / f"{name}.toml", overlays), run=out / name))
-    config = preset(PRESETS / "siamese.toml", overlays)
+    changes = read_fields(QUICK) if settings.quick else {}
+    chosen = [name for name in RUN_TITLES if name in settings.pieces]
+    with parallel_config(n_jobs=settings.jobs) if settings.jobs > 1 else nullcontext():
+        runs = [replace(load_preset(PRESETS / f"{name}.toml", overlays), run=out / name) for name in chosen]
+        complete_runs(runs, complete_run)
+        if "ablation" in settings.pieces:
+            run_ablation(ablation, names, changes, out / "ablation")
+    config = load_preset(PRESETS / "siamese.toml", overlays)
     if "elm" in settings.pieces:
         sizes = tuple(size for size in PAPER_SIZES if size <= 5 * config.elm.hidden)
         elm_ablation.main(elm_ablation.Ablation(out / "elm", config.seeds, sizes, config))
     if "stability" in settings.pieces and not (out / "stability" / "stability.csv").exists():
         walks = 4 if settings.quick else irl_stability.Study.trajectories
         irl_stability.main(irl_stability.Study(out / "stability", trajectories=walks, config=config))
-    if "ablation" in settings.pieces:
-        run_ablation(ablation, names, changes, out / "ablation")
-    path = write_study(out, measure(ablation, changes, out / "ablation")).with_suffix(".html")
+    path = write_study(out, ablation_rows(ablation, changes, out / "ablation")).with_suffix(".html")
     console.print(f"Report: {path}", highlight=False, soft_wrap=True)
     return path
 

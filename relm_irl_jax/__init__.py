@@ -1,5 +1,10 @@
 """Target-driven visual navigation with learned rewards, in JAX."""
 
+from importlib.metadata import version
+
 from relm_irl_jax.registration import register_environments
+
+__version__ = version("relm-irl-jax")
+"""The version that pyproject.toml names."""
 
 register_environments()

@@ -1,7 +1,7 @@
 """Checkpoints: a training's whole state on disk, from which it goes on as if it had not been cut off.
 
 Orbax writes them in the background, each whole or not at all, and keeps the last one. Beside the state lie the rows of
-the learning curve so far and the configuration. The final network is kept elsewhere, by `relm_irl_jax.runs`.
+the learning curve so far and the configuration. The final network is kept elsewhere, by `relm_irl_jax.parameters`.
 """
 
 import logging
@@ -11,15 +11,15 @@ from importlib import import_module
 from pathlib import Path
 from shutil import rmtree
 from textwrap import shorten
-from typing import Any, Self
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from relm_irl_jax.agent.learning import Row, State
-from relm_irl_jax.config import Config, config_from_record, config_record, trained_part
+from relm_irl_jax.config import Config, config_from_dict, config_to_dict, trained_part
 from relm_irl_jax.errors import InputError
+from relm_irl_jax.types import Row, State
 
 LATE = ("Event loop is closed", "Encountered error while reading")
 """What reads of a damaged checkpoint say that end once Orbax has given up; not worth a traceback."""
@@ -37,7 +37,7 @@ class Checkpoints:
         self.path, self.config = path, config
         self._opened: Any = None
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> "Checkpoints":
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -57,9 +57,9 @@ class Checkpoints:
         self._manager().save(
             len(rows),
             args=args.Composite(
-                state=args.StandardSave(_without_keys(state)),
+                state=args.StandardSave(_leaves(state)),
                 rows=args.JsonSave(list(rows)),  # a copy, since the caller's list grows while this is written
-                config=args.JsonSave(config_record(self.config)),
+                config=args.JsonSave(config_to_dict(self.config)),
             ),
         )
 
@@ -78,7 +78,7 @@ class Checkpoints:
         if not self.path.exists():
             return None
         args = _orbax().args
-        form = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape, x.dtype, sharding=x.sharding), _without_keys(like))
+        form = [jax.ShapeDtypeStruct(x.shape, x.dtype, sharding=x.sharding) for x in _leaves(like)]
         hook = sys.unraisablehook
         try:
             step = self._manager().latest_step()
@@ -91,7 +91,7 @@ class Checkpoints:
                     state=args.StandardRestore(form), rows=args.JsonRestore(), config=args.JsonRestore()
                 ),
             )
-            before = config_from_record(found.config, str(self.path))
+            before = config_from_dict(found.config, str(self.path))
         except Exception as error:  # whatever it is that reading damaged files meets
             reason = shorten(str(error) or type(error).__name__, 60, placeholder=" …")
             # What was left half read complains later still, whenever it is collected: the filter stays.
@@ -99,7 +99,7 @@ class Checkpoints:
         sys.unraisablehook = hook
         if trained_part(before) != trained_part(self.config):
             raise InputError(f"{self.path}: the checkpoint is of another configuration.")
-        return _with_keys(like, found.state), found.rows
+        return _state(like, found.state), found.rows
 
     def remove(self) -> None:
         """Remove the folder, and the one around it where it is empty then."""
@@ -126,16 +126,17 @@ def _is_key(array: jax.Array) -> bool:
     return jax.dtypes.issubdtype(array.dtype, jax.dtypes.prng_key)
 
 
-def _without_keys(state: Any) -> Any:
-    """The state with random keys as the numbers that they are made of."""
-    return jax.tree.map(lambda x: jax.random.key_data(x) if _is_key(x) else x, state)
+def _leaves(state: Any) -> list[jax.Array]:
+    """The arrays of a state, random keys as the numbers that they consist of."""
+    return [jax.random.key_data(x) if _is_key(x) else x for x in jax.tree.leaves(state)]
 
 
-def _with_keys(like: Any, state: Any) -> Any:
-    """Reverse `_without_keys`. Arrays that were tied to no device are so again: no program is compiled twice."""
+def _state(like: Any, leaves: list[jax.Array]) -> Any:
+    """Reverse `_leaves`. Arrays that were tied to no device are so again, so that no program is compiled twice."""
 
     def restored(old: jax.Array, new: jax.Array) -> jax.Array:
         new = new if old.committed else jnp.asarray(np.asarray(new))
         return jax.random.wrap_key_data(new, impl=jax.random.key_impl(old)) if _is_key(old) else new
 
-    return jax.tree.map(restored, like, state)
+    olds, tree = jax.tree.flatten(like)
+    return jax.tree.unflatten(tree, [restored(old, new) for old, new in zip(olds, leaves, strict=True)])

@@ -12,23 +12,26 @@ from pydantic import NonNegativeInt, PositiveInt, ValidationError
 from pydantic.dataclasses import dataclass
 from rich.console import Console
 
-from relm_irl_jax.config import Config, Method, Task, first_fault, load_config
-from relm_irl_jax.errors import InputError
+from relm_irl_jax import __version__
+from relm_irl_jax.config import Config, Method, Task, load_config
+from relm_irl_jax.errors import InputError, first_fault
 from relm_irl_jax.pipeline import evaluate_run, run
-from relm_irl_jax.report.page import write_report
+from relm_irl_jax.play.animation import play as play_run
+from relm_irl_jax.play.keyboard import any_task, draw_episode, play_in_terminal, task_of_run
+from relm_irl_jax.report.run_report import write_report
 from relm_irl_jax.report.tables import console_table
-from relm_irl_jax.runs import find_run, read_results
-from relm_irl_jax.scenes.catalog import scene_files
+from relm_irl_jax.results import Results, load_results
+from relm_irl_jax.run_config import find_run
+from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.scenes.check import check_files, check_table
-from relm_irl_jax.scenes.dump import save_scene
-from relm_irl_jax.scenes.export import export, export_table
+from relm_irl_jax.scenes.recording.export import export_scenes, export_table
+from relm_irl_jax.scenes.recording.thor import ThorSettings, thor_scenes
+from relm_irl_jax.scenes.recording.vizdoom import VizdoomSettings, vizdoom_maps
 from relm_irl_jax.scenes.rooms import generate_room
 from relm_irl_jax.scenes.scene import ROOM_TYPES
-from relm_irl_jax.scenes.thor import ThorSettings, thor_scenes
-from relm_irl_jax.scenes.vizdoom import VizdoomSettings, vizdoom_maps
-from relm_irl_jax.stages.keyboard import any_task, draw_episode, play_in_terminal, task_of_run
-from relm_irl_jax.stages.playing import Walk
-from relm_irl_jax.stages.playing import play as play_run
+from relm_irl_jax.scenes.scene_file import save_scene
+from relm_irl_jax.scenes.selection import scene_files
+from relm_irl_jax.stages.episodes import AgentChoice, EpisodePath
 
 
 @dataclass(frozen=True)
@@ -140,14 +143,20 @@ Exported = Annotated[Export, tyro.conf.subcommand("export", prefix_name=False)]
 
 @dataclass(frozen=True)
 class Bench:
-    """Measure speed on this machine; tables, figures and numbers are kept under `runs/bench`."""
+    """Measure speed on this machine."""
 
     name: tyro.conf.Positional[Literal["agent", "scaling", "elm", "irl", "encoder"]]
     """What to measure."""
+    out: Path = Path("runs/bench")
+    """Folder in which each benchmark has one of its own, for its table, figure and numbers; that of the encoder is only
+    printed."""
 
 
 def main() -> None:
     """Run the command; exit with code 2 and one sentence where the input cannot be used."""
+    if sys.argv[1:] == ["--version"]:
+        print(f"relm-irl-jax {__version__}")
+        return
     try:
         _dispatch(sys.argv[1:])
     except InputError as error:
@@ -175,21 +184,21 @@ def _dispatch(arguments: list[str]) -> None:
         on from its last checkpoint.
         """
         folder = run(config)
-        _show(read_results(folder), folder.path)
+        _show(load_results(folder), folder.path)
 
     @app.command
     def evaluate(command: Annotated[Evaluate, tyro.conf.arg(name="")]) -> None:
         """Evaluate the agents of a run on a task."""
         folder, config = find_run(command.run)
         evaluate_run(config, folder, command.task)
-        _show(read_results(folder), folder.path)
+        _show(load_results(folder), folder.path)
 
     @app.command
     def report(command: Annotated[Report, tyro.conf.arg(name="")]) -> None:
         """Write the report of a run again."""
-        folder, config = find_run(command.run)
-        write_report(folder, config)
-        _show(read_results(folder), folder.path)
+        folder = RunFolder(command.run)
+        write_report(folder)
+        _show(load_results(folder), folder.path)
 
     @app.command
     def play(command: Annotated[Play, tyro.conf.arg(name="")]) -> None:
@@ -199,8 +208,9 @@ def _dispatch(arguments: list[str]) -> None:
             _walk(command, console)
             return
         folder, config = find_run(command.run)
-        for path, walk in play_run(config, folder, command.method, command.task, command.seed, command.episode):
-            console.print(f"{path}: {_outcome(walk)}", highlight=False, soft_wrap=True)
+        choice = AgentChoice(command.method, command.task, command.seed)
+        for file, path in play_run(config, folder, choice, command.episode):
+            console.print(f"{file}: {_outcome(path)}", highlight=False, soft_wrap=True)
 
     @app.command
     def scenes(command: Annotated[Generated | Checked | Exported, tyro.conf.arg(name="")]) -> None:
@@ -215,9 +225,13 @@ def _dispatch(arguments: list[str]) -> None:
     @app.command
     def bench(command: Annotated[Bench, tyro.conf.arg(name="")]) -> None:
         """Measure speed on this machine."""
-        import_module(f"relm_irl_jax.benchmarks.{command.name}").main()
+        _bench(command)
 
-    app.cli(args=arguments, prog="relm-irl", description="Target-driven visual navigation with learned rewards.")
+    app.cli(
+        args=arguments,
+        prog="relm-irl",
+        description="Target-driven visual navigation with learned rewards. `relm-irl --version` prints the version.",
+    )
 
 
 def _walk(command: Play, console: Console) -> None:
@@ -230,9 +244,9 @@ def _walk(command: Play, console: Console) -> None:
     console.print(f"{scene.name}: {_outcome(walk)}", highlight=False, soft_wrap=True)
 
 
-def _outcome(walk: Walk) -> str:
-    steps = len(walk.states) - 1
-    return f"{'found after' if walk.success else 'not found in'} {steps} steps, shortest path {walk.shortest}"
+def _outcome(path: EpisodePath) -> str:
+    steps = len(path.states) - 1
+    return f"{'found after' if path.success else 'not found in'} {steps} steps, shortest path {path.shortest}"
 
 
 def _generate(command: Generate) -> None:
@@ -249,7 +263,7 @@ def _export(command: ExportVizdoom | ExportThor) -> None:
         openers = thor_scenes(command.scenes, command.settings)
     # Engines outlive a process that is terminated without stopping them.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
-    Console().print(export_table(list(export(openers, command.out))))
+    Console().print(export_table(list(export_scenes(openers, command.out))))
 
 
 def _check(command: Check) -> None:
@@ -261,6 +275,11 @@ def _check(command: Check) -> None:
     faults = [fault for record in checked for fault in record.faults]
     if faults:
         raise InputError("\n".join(faults))
+
+
+def _bench(command: Bench) -> None:
+    benchmark = import_module(f"relm_irl_jax.benchmarks.{command.name}")
+    benchmark.main(*(() if command.name == "encoder" else (command.out / command.name,)))
 
 
 def _default_config(arguments: list[str]) -> tuple[Config, list[str]]:
@@ -287,7 +306,7 @@ def _take(arguments: list[str], option: str, kind: str, remedy: str) -> tuple[st
     return arguments[place + 1], arguments[:place] + arguments[place + 2 :]
 
 
-def _show(results: dict, folder: Path) -> None:
+def _show(results: Results, folder: Path) -> None:
     console = Console()
     console.print(console_table(results))
     console.print(f"Report: {folder / 'report.md'}", highlight=False, soft_wrap=True)

@@ -1,4 +1,4 @@
-"""The configuration of a run: one frozen record, from defaults, a TOML file and the command line, in that order."""
+"""The configuration of a run: one frozen value, from defaults, a TOML file and the command line, in that order."""
 
 import hashlib
 import json
@@ -10,18 +10,17 @@ from typing import Any, Literal
 from pydantic import PositiveInt, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
-from relm_irl_jax.agent.settings import MetricSettings, RecordSettings, SiameseSettings
+from relm_irl_jax.agents.settings import LogSettings, MetricSettings, SiameseSettings
 from relm_irl_jax.cluster import ClusterSettings
-from relm_irl_jax.errors import InputError
-from relm_irl_jax.features.encoder import EncoderSettings
-from relm_irl_jax.rewards.assemble import ManualSettings
-from relm_irl_jax.rewards.demonstrations import IrlSettings
-from relm_irl_jax.rewards.prediction import ElmSettings
-from relm_irl_jax.scenes.catalog import ROOMS, SceneSettings
+from relm_irl_jax.errors import InputError, first_fault
+from relm_irl_jax.features.settings import EncoderSettings
+from relm_irl_jax.frames import Frames
+from relm_irl_jax.results import Task
+from relm_irl_jax.rewards.settings import ElmSettings, GoalSettings, IrlSettings, ManualSettings
+from relm_irl_jax.scenes.selection import ROOMS, SceneSettings
 from relm_irl_jax.tasks import EvaluationSettings, TaskSettings
 
-Task = Literal["I", "II", "III"]
-Agent = Literal["siamese", "metric"]
+AgentName = Literal["siamese", "metric"]
 Method = Literal["random", "bc", "rl", "irl", "elm-irl", "relm-irl"]
 METHODS: tuple[Method, ...] = ("random", "bc", "rl", "irl", "elm-irl", "relm-irl")
 """Every method, in the order of the tables."""
@@ -29,7 +28,7 @@ METHODS: tuple[Method, ...] = ("random", "bc", "rl", "irl", "elm-irl", "relm-irl
 PAPER_METHODS: tuple[Method, ...] = ("random", "rl", "irl", "elm-irl", "relm-irl")
 """What `all` means: the methods of the paper."""
 
-NOT_TRAINED = ("task", "methods", "seeds", "run", "evaluation", "cluster", "record")
+NOT_TRAINED = ("task", "methods", "seeds", "run", "evaluation", "cluster", "log")
 """Fields that trained agents do not depend on; the others must agree for a run folder to be continued."""
 
 
@@ -45,7 +44,7 @@ class Config:
     """`rooms` for the built-in scenes, or a folder of HDF5 scene files."""
     seeds: PositiveInt = 1
     """Number of seeds: 0, 1, ...; each draws its own targets, demonstrations, networks and episodes."""
-    frames: PositiveInt = 5_000_000
+    frames: Frames = 5_000_000
     """Training frames for each method and seed."""
     run: Path | None = None
     """Run folder; by default one under `runs/`, named after the configuration."""
@@ -61,7 +60,9 @@ class Config:
     """Demonstrations and inverse reinforcement learning."""
     elm: ElmSettings = ElmSettings()
     """Extreme learning machine."""
-    agent: Agent = "siamese"
+    goals: GoalSettings = GoalSettings()
+    """Targets after the fact (hindsight relabelling), for agents that learn from them."""
+    agent: AgentName = "siamese"
     """`siamese` for the paper's actor-critic, `metric` for the agent that learns distances between views."""
     siamese: SiameseSettings = SiameseSettings()
     """The paper's agent."""
@@ -69,7 +70,7 @@ class Config:
     """The metric agent."""
     evaluation: EvaluationSettings = EvaluationSettings()
     """Evaluation."""
-    record: RecordSettings = RecordSettings()
+    log: LogSettings = LogSettings()
     """Checkpoints and scalars of trainings that are under way."""
     cluster: ClusterSettings = ClusterSettings()
     """Other processes that share the siamese agent's training."""
@@ -83,23 +84,23 @@ class Config:
 _ADAPTER = TypeAdapter(Config)
 
 
-def config_record(config: Config) -> dict[str, Any]:
+def config_to_dict(config: Config) -> dict[str, Any]:
     """The configuration as plain values, ready for JSON.
 
     Args:
         config: the configuration.
 
     Returns:
-        Nested dictionaries; `config_from_record` reverses it.
+        Nested dictionaries; `config_from_dict` reverses it.
     """
     return _ADAPTER.dump_python(config, mode="json")
 
 
-def config_from_record(record: dict[str, Any], origin: str) -> Config:
+def config_from_dict(fields: dict[str, Any], origin: str) -> Config:
     """Read a configuration from plain values; fields left out take their defaults.
 
     Args:
-        record: nested dictionaries.
+        fields: nested dictionaries.
         origin: file named in errors.
 
     Returns:
@@ -108,15 +109,15 @@ def config_from_record(record: dict[str, Any], origin: str) -> Config:
     Raises:
         InputError: a field is unknown or its value is refused.
     """
-    return overlay(Config(), record, origin)
+    return overlay(Config(), fields, origin)
 
 
-def overlay(config: Config, record: Mapping[str, Any], origin: str) -> Config:
+def overlay(config: Config, changes: Mapping[str, Any], origin: str) -> Config:
     """Change some fields of a configuration.
 
     Args:
         config: the configuration.
-        record: nested dictionaries of the fields to change.
+        changes: nested dictionaries of the fields to change.
         origin: file named in errors.
 
     Returns:
@@ -125,12 +126,10 @@ def overlay(config: Config, record: Mapping[str, Any], origin: str) -> Config:
     Raises:
         InputError: a field is unknown or its value is refused.
     """
-    whole = config_record(config)
-    _refuse_unknown(record, whole, origin, "")
     try:
-        return _ADAPTER.validate_python(_merged(whole, record))
+        return _ADAPTER.validate_python(_merged(config_to_dict(config), changes), extra="forbid")
     except ValidationError as error:
-        raise InputError(f"{origin}: {first_fault(error)}") from error
+        raise InputError(f"{origin}: {first_fault(error, config)}") from error
 
 
 def load_config(path: Path) -> Config:
@@ -145,10 +144,10 @@ def load_config(path: Path) -> Config:
     Raises:
         InputError: the file cannot be read, or a field in it is unknown or refused.
     """
-    return config_from_record(read_record(path), str(path))
+    return config_from_dict(read_fields(path), str(path))
 
 
-def read_record(path: Path) -> dict[str, Any]:
+def read_fields(path: Path) -> dict[str, Any]:
     """Read the fields that a TOML or JSON file sets.
 
     Args:
@@ -162,25 +161,14 @@ def read_record(path: Path) -> dict[str, Any]:
     """
     try:
         text = path.read_text()
-        return json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
+        found = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); give an existing file.") from error
     except ValueError as error:
         raise InputError(f"{path}: is not valid {path.suffix.lstrip('.').upper()} ({error}); mend it.") from error
-
-
-def first_fault(error: ValidationError) -> str:
-    """One sentence on the first refused field.
-
-    Args:
-        error: what the validation found.
-
-    Returns:
-        Field, value and reason.
-    """
-    fault = error.errors(include_url=False)[0]
-    field = ".".join(str(part) for part in fault["loc"])
-    return f"{field} = {fault['input']!r} is refused: {fault['msg'][:1].lower()}{fault['msg'][1:]}."
+    if not isinstance(found, dict):
+        raise InputError(f"{path}: must hold an object of fields; give the configuration of a run.")
+    return found
 
 
 def trained_part(config: Config) -> dict[str, Any]:
@@ -192,7 +180,7 @@ def trained_part(config: Config) -> dict[str, Any]:
     Returns:
         Flat dictionary from dotted field names to values.
     """
-    return {k: v for k, v in _flat(config_record(config), "").items() if k.split(".")[0] not in NOT_TRAINED}
+    return {k: v for k, v in _flat(config_to_dict(config), "").items() if k.split(".")[0] not in NOT_TRAINED}
 
 
 def fingerprint(config: Config) -> str:
@@ -207,23 +195,18 @@ def fingerprint(config: Config) -> str:
     return hashlib.sha256(json.dumps(trained_part(config), sort_keys=True).encode()).hexdigest()[:8]
 
 
-def _flat(record: dict[str, Any], prefix: str) -> dict[str, Any]:
+def _flat(nested: dict[str, Any], prefix: str) -> dict[str, Any]:
     flat = {}
-    for key, value in record.items():
+    for key, value in nested.items():
         flat |= _flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {f"{prefix}{key}": value}
     return flat
 
 
 def _merged(whole: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, Any]:
-    groups = {key: _merged(whole[key], value) for key, value in change.items() if isinstance(whole[key], Mapping)}
-    return {**whole, **change, **groups}
+    """Lay changes over nested dictionaries; a field that is not there is added, for the validation to refuse."""
 
+    def merged(key: str, value: Any) -> Any:
+        old = whole.get(key)
+        return _merged(old, value) if isinstance(old, Mapping) and isinstance(value, Mapping) else value
 
-def _refuse_unknown(record: Mapping[str, Any], known: dict[str, Any], origin: str, prefix: str) -> None:
-    for key, value in record.items():
-        if key not in known:
-            raise InputError(f"{origin}: unknown field `{prefix}{key}`; known here are {', '.join(known)}.")
-        if isinstance(known[key], dict):
-            if not isinstance(value, Mapping):
-                raise InputError(f"{origin}: `{prefix}{key}` is a group of fields; write `{prefix}{key}.FIELD`.")
-            _refuse_unknown(value, known[key], origin, f"{prefix}{key}.")
+    return {**whole, **{key: merged(key, value) for key, value in change.items()}}

@@ -1,10 +1,8 @@
-"""Recorded demonstrations: state-action lists of a person or another program, in place of the shortest-path
-expert.
+"""Recorded demonstrations: states and actions of a person or another program, instead of the shortest-path expert's.
 
-On disk a demonstration is one line of JSON, `{"states": [4, 8, 9], "actions": [0, 1]}`, with the states as
-numbers of the scene's states and the actions as numbers of the columns of `Scene.graph` or as their names.
-The last state is the target. In memory it is a `Trajectory`, or any object with the `obs` and `acts` of the
-`imitation` library's trajectories, its observations being numbers of states.
+In a file, each line is one demonstration as JSON, `{"states": [4, 8, 9], "actions": [0, 1]}`. States are numbers of the
+scene's states, actions are columns of `Scene.graph` or names of actions, and the last state is the target. In memory, a
+demonstration is a `Trajectory`; trajectories of the `imitation` library can be converted.
 """
 
 import json
@@ -16,10 +14,11 @@ import numpy as np
 from jaxtyping import Int32
 
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.experts import NO_ACTION, Expert, Trajectory, policy_expert, shortest_path_expert
+from relm_irl_jax.experts import NO_ACTION, Expert, Trajectory, expert_from_policy, shortest_path_expert
 from relm_irl_jax.scenes.scene import ACTIONS, Scene, successors
 
-Elsewhere = Literal["shortest-path", "stay"]
+DefaultPolicy = Literal["shortest-path", "stay"]
+"""What an expert does where nothing was demonstrated: take a shortest path, or stay for ever."""
 
 
 def load_demonstrations(path: Path, scene: Scene) -> tuple[Trajectory, ...]:
@@ -33,7 +32,7 @@ def load_demonstrations(path: Path, scene: Scene) -> tuple[Trajectory, ...]:
         The demonstrations, in the file's order.
 
     Raises:
-        InputError: names the line that is not a demonstration of this scene.
+        InputError: a line is not a demonstration in this scene; names the line.
     """
     trajectories = []
     for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
@@ -41,13 +40,13 @@ def load_demonstrations(path: Path, scene: Scene) -> tuple[Trajectory, ...]:
             continue
         name = f"{path}:{number}"
         try:
-            record = json.loads(line)
-            states, actions = record["states"], record["actions"]
+            demonstration = json.loads(line)
+            states, actions = list(demonstration["states"]), list(demonstration["actions"])
         except (json.JSONDecodeError, KeyError, TypeError) as error:
             raise InputError(
-                f"{name}: not a JSON object with `states` and `actions` ({error}); correct the line."
+                f"{name}: not a JSON object with lists `states` and `actions` ({error}); correct the line."
             ) from error
-        trajectories.append(read_demonstration(states, actions, scene, name))
+        trajectories.append(to_trajectory(states, actions, scene, name))
     return tuple(trajectories)
 
 
@@ -58,29 +57,32 @@ def save_demonstrations(trajectories: Sequence[Trajectory], path: Path) -> None:
         trajectories: the demonstrations.
         path: the file, which is overwritten.
     """
-    records = [{"states": t.states.tolist(), "actions": t.actions.tolist()} for t in trajectories]
-    path.write_text("".join(json.dumps(record) + "\n" for record in records), encoding="utf-8")
+    lines = [json.dumps({"states": t.states.tolist(), "actions": t.actions.tolist()}) for t in trajectories]
+    path.write_text("".join(line + "\n" for line in lines), encoding="utf-8")
 
 
 def from_imitation(trajectory: Any, scene: Scene, name: str = "trajectory") -> Trajectory:
-    """Read a trajectory of the `imitation` library.
+    """Convert a trajectory of the `imitation` library.
 
     Args:
-        trajectory: an object with `obs`, numbers of states, and `acts`.
+        trajectory: an object with `obs`, whose observations are numbers of states, and `acts`.
         scene: the scene that it was recorded in.
         name: what errors call it.
 
     Returns:
         The demonstration.
+
+    Raises:
+        InputError: see `to_trajectory`.
     """
-    return read_demonstration(list(trajectory.obs), list(trajectory.acts), scene, name)
+    return to_trajectory(list(trajectory.obs), list(trajectory.acts), scene, name)
 
 
-def read_demonstration(states: Sequence[Any], actions: Sequence[Any], scene: Scene, name: str) -> Trajectory:
-    """Check that a list of states and actions is a walk in a scene.
+def to_trajectory(states: Sequence[Any], actions: Sequence[Any], scene: Scene, name: str) -> Trajectory:
+    """Convert lists of states and actions, after checking that the scene's graph allows them.
 
     Args:
-        states: numbers of states, the last one being the target.
+        states: numbers of states; the last one is the target.
         actions: numbers or names of the actions between them.
         scene: the scene.
         name: what errors call the demonstration.
@@ -89,7 +91,7 @@ def read_demonstration(states: Sequence[Any], actions: Sequence[Any], scene: Sce
         The demonstration.
 
     Raises:
-        InputError: the walk is not one that the scene allows; names the demonstration and the step.
+        InputError: the scene does not allow the path; names the demonstration and the step.
     """
     if len(actions) != len(states) - 1 or not actions:
         raise InputError(
@@ -98,44 +100,42 @@ def read_demonstration(states: Sequence[Any], actions: Sequence[Any], scene: Sce
         )
     try:
         numbers = [ACTIONS.index(a) if isinstance(a, str) else int(a) for a in actions]
-        walked = np.asarray([int(state) for state in states], np.int32)
-    except (TypeError, ValueError) as error:
+        visited = np.asarray([int(state) for state in states], np.int32)
+    except (TypeError, ValueError, OverflowError) as error:
         raise InputError(
             f"{name}: {error}; states are numbers, actions numbers or one of {', '.join(ACTIONS)}."
         ) from error
-    following = successors(scene.graph)
+    next_states = successors(scene.graph)
     for step, action in enumerate(numbers):
-        state, onward = walked[step], walked[step + 1]
-        if not (0 <= state < scene.n_states and 0 <= onward < scene.n_states and 0 <= action < len(ACTIONS)):
+        state, following = visited[step], visited[step + 1]
+        if not (0 <= state < scene.n_states and 0 <= following < scene.n_states and 0 <= action < len(ACTIONS)):
             raise InputError(f"{name}: step {step} names a state or an action that {scene.name} does not have.")
-        if following[state, action] != onward:
-            blocked = " through a wall" if following[state, action] == state else ""
+        if next_states[state, action] != following:
+            blocked = " through a wall" if next_states[state, action] == state else ""
             raise InputError(
-                f"{name}: step {step} walks{blocked} from state {state} to {onward}, but {ACTIONS[action]} leads to "
-                f"{following[state, action]} in {scene.name}; was it recorded in another scene?"
+                f"{name}: step {step} moves{blocked} from state {state} to {following}, but {ACTIONS[action]} leads to "
+                f"{next_states[state, action]} in {scene.name}; was it recorded in another scene?"
             )
-    return Trajectory(states=walked, actions=np.asarray(numbers, np.int32), target=int(walked[-1]))
+    return Trajectory(states=visited, actions=np.asarray(numbers, np.int32), target=int(visited[-1]))
 
 
-def demonstrated_expert(
+def expert_from_demonstrations(
     scene: Scene,
     trajectories: Sequence[Trajectory],
-    elsewhere: Elsewhere | Int32[np.ndarray, "states"] = "shortest-path",
+    default_policy: DefaultPolicy | Int32[np.ndarray, "states"] = "shortest-path",
 ) -> Expert:
-    """The expert that does what was demonstrated, and elsewhere what a named policy does.
+    """The expert that does what was demonstrated, and follows a default policy in all other states.
 
-    Where a demonstration passes a state twice the action that it took last counts, so that loops are left
-    out; where demonstrations disagree the first one counts. The expert therefore arrives from every
-    demonstrated state.
+    If a demonstration visits a state twice, the action of the last visit counts, so that loops are left out. If
+    demonstrations disagree, the first one counts. The expert therefore arrives from every demonstrated state.
 
     Args:
         scene: the scene.
         trajectories: demonstrations with one target.
-        elsewhere: what to do in states without a demonstration: take a shortest path, stay for ever, or the
-            action given for each state.
+        default_policy: what to do in states without a demonstration, by name or as an action for each state.
 
     Returns:
-        The expert; it may not be optimal, see `Expert.better`.
+        The expert. It need not be optimal, see `Expert.better`.
 
     Raises:
         InputError: the demonstrations have different targets, or there are none.
@@ -144,16 +144,16 @@ def demonstrated_expert(
     if len(targets) != 1:
         raise InputError(f"{scene.name}: the demonstrations of one expert have one target, not {sorted(targets)}.")
     target = targets.pop()
-    if isinstance(elsewhere, np.ndarray):
-        action = elsewhere.astype(np.int32)
-    elif elsewhere == "stay":
+    if isinstance(default_policy, np.ndarray):
+        action = default_policy.astype(np.int32)
+    elif default_policy == "stay":
         action = np.full(scene.n_states, NO_ACTION, np.int32)
     else:
         action = shortest_path_expert(scene, target).action.copy()
     demonstrated: dict[int, int] = {}
     for trajectory in trajectories:
-        # dict keeps each state's last action; states of earlier demonstrations are not overruled.
+        # The dict keeps each state's last action; earlier demonstrations take precedence.
         own = dict(zip(trajectory.states[:-1].tolist(), trajectory.actions.tolist(), strict=True))
         demonstrated = own | demonstrated
     action[list(demonstrated)] = list(demonstrated.values())
-    return policy_expert(scene, target, action)
+    return expert_from_policy(scene, target, action)

@@ -1,37 +1,35 @@
-"""Experts: what a demonstrator does at every state of a scene on the way to one target.
+"""Experts: deterministic policies that lead to one target of a scene, and the trajectories that follow them.
 
-The expert follows a shortest path. Everything here is per scene and runs on the host, in numpy.
+The paper's expert takes shortest paths. Everything here concerns one scene and runs in numpy.
 """
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Int32
+from jaxtyping import Bool, Float64, Int32
 
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.scenes.scene import UNREACHABLE, Scene, successors
 
 NO_ACTION = -1
-"""Entry of `Expert.action` where there is nothing to decide."""
+"""Entry of `Expert.action` where the expert has no decision."""
 
 
 @dataclass(frozen=True)
 class Expert:
-    """What a demonstrator does at every state on the way to one target.
+    """A deterministic policy for one target, and how its actions compare with all others.
 
-    The target is absorbing: it has no decision and leads to itself. So does a state from which the target
-    cannot be reached. Elsewhere `action` is the demonstrator's, and following `next_state` arrives at the
-    target.
+    The target is absorbing: there is no decision, and it leads to itself. The same holds for states from which the
+    policy does not reach the target. From all other states, following `next_state` arrives at the target.
 
     Attributes:
-        target: the state where the demonstrator stops.
-        action: column of `Scene.graph` that the demonstrator takes, or `NO_ACTION`.
-        next_state: state that the action leads to; the state itself where there is no decision.
-        suboptimal: whether the action is strictly worse than the demonstrator's: the demonstrator, taking
-            over after it, needs more steps to the target, or can no longer reach it. Ties are not
-            sub-optimal.
-        better: whether the action is strictly better; never so for a shortest-path expert.
+        target: the state where the expert stops.
+        action: column of `Scene.graph` that the expert takes, or `NO_ACTION`.
+        next_state: state that the action leads to; the state itself if there is no decision.
+        suboptimal: whether an action is strictly worse than the expert's: after it, the expert needs more steps to the
+            target, or cannot reach it any more. An action that needs equally many steps is not suboptimal.
+        better: whether an action is strictly better than the expert's; never for a shortest-path expert.
     """
 
     target: int
@@ -43,16 +41,16 @@ class Expert:
 
 @dataclass(frozen=True)
 class Trajectory:
-    """One demonstration: a walk from a start to a target.
+    """One demonstration: a path from a start to a target.
 
     Attributes:
-        states: the states in order, the last one being the target.
-        actions: the action taken at each state but the last.
-        target: the state where the walk ends.
+        states: the states in order; the last one is the target.
+        actions: the action taken in each state but the last.
+        target: the last state.
     """
 
-    states: Int32[np.ndarray, "steps+1"]
-    actions: Int32[np.ndarray, "steps"]
+    states: Int32[np.ndarray, "visited"]
+    actions: Int32[np.ndarray, "visited-1"]
     target: int
 
     @property
@@ -64,34 +62,33 @@ class Trajectory:
 def shortest_path_expert(scene: Scene, target: int) -> Expert:
     """The expert that takes a shortest path to the target from every state.
 
-    Among several shortest paths it takes the action that comes first in `ACTIONS`.
+    Among several shortest paths, it takes the action that comes first in `ACTIONS`.
 
     Args:
         scene: the scene.
         target: the state to reach.
 
     Returns:
-        The expert's decision at every state.
+        The expert.
     """
     _check_states(scene, "target", [target])
     distance = scene.shortest_path_distance[:, target]
     steps = np.where(distance == UNREACHABLE, np.inf, distance)
     action = np.argmin(steps[successors(scene.graph)], axis=1).astype(np.int32)
     action[(distance == UNREACHABLE) | (np.arange(scene.n_states) == target)] = NO_ACTION
-    return policy_expert(scene, target, action)
+    return expert_from_policy(scene, target, action)
 
 
-def policy_expert(scene: Scene, target: int, action: Int32[np.ndarray, "states"]) -> Expert:
+def expert_from_policy(scene: Scene, target: int, action: Int32[np.ndarray, "states"]) -> Expert:
     """The expert that follows a given deterministic policy, whether or not it is optimal.
 
     Args:
         scene: the scene.
         target: the state to reach; the policy's action there is ignored.
-        action: the policy's action at every state, or `NO_ACTION` to stay.
+        action: the policy's action in every state, or `NO_ACTION` to stay for ever.
 
     Returns:
-        The expert. An action is called worse or better by the number of steps that the same policy then
-        needs.
+        The expert. Actions are compared by the number of steps to the target if the same policy follows.
     """
     states = np.arange(scene.n_states, dtype=np.int32)
     following = successors(scene.graph)
@@ -110,41 +107,47 @@ def policy_expert(scene: Scene, target: int, action: Int32[np.ndarray, "states"]
     )
 
 
-def expert_trajectories(scene: Scene, target: int, starts: Iterable[int]) -> tuple[Trajectory, ...]:
-    """Walk the shortest-path expert from each start to the target.
+def shortest_path_trajectories(scene: Scene, target: int, starts: Iterable[int]) -> tuple[Trajectory, ...]:
+    """Follow the shortest-path expert from each start to the target.
 
     Args:
         scene: the scene.
         target: the state to reach.
-        starts: where the walks begin; each must be able to reach the target and must not be it.
+        starts: start states. Each must be able to reach the target, and must not be it.
 
     Returns:
         One trajectory per start, in the order given.
+
+    Raises:
+        InputError: a start or the target is not a state, or a start cannot reach the target or is the target.
     """
     starts = list(starts)
     _check_states(scene, "start", starts)
     expert = shortest_path_expert(scene, target)
-    return tuple(walk(scene, expert, start) for start in starts)
+    return tuple(follow_expert(scene, expert, start) for start in starts)
 
 
-def walk(scene: Scene, expert: Expert, start: int) -> Trajectory:
+def follow_expert(scene: Scene, expert: Expert, start: int) -> Trajectory:
     """Follow an expert from one start to its target.
 
     Args:
         scene: the scene, named in errors.
-        expert: the expert to follow.
-        start: where the walk begins.
+        expert: the expert.
+        start: the start state.
 
     Returns:
         The trajectory.
+
+    Raises:
+        InputError: the start cannot reach the target or is the target.
     """
     if start == expert.target:
-        raise InputError(f"{scene.name}: the walk to state {expert.target} starts at its target; give another start.")
+        raise InputError(f"{scene.name}: the path to state {expert.target} starts at its target; give another start.")
     states = [int(start)]
     while states[-1] != expert.target:
         if expert.action[states[-1]] == NO_ACTION:
             raise InputError(
-                f"{scene.name}: the walk from state {start} cannot reach the target {expert.target}; "
+                f"{scene.name}: the path from state {start} cannot reach the target {expert.target}; "
                 "choose a start that can."
             )
         states.append(int(expert.next_state[states[-1]]))
@@ -152,33 +155,33 @@ def walk(scene: Scene, expert: Expert, start: int) -> Trajectory:
     return Trajectory(states=visited, actions=expert.action[visited[:-1]], target=expert.target)
 
 
-def sub_walks(
-    trajectories: Sequence[Trajectory], forbidden: Collection[int] = ()
-) -> Mapping[int, Int32[np.ndarray, "walked"]]:
-    """Read further demonstrations off shortest paths.
+def sub_trajectories(
+    trajectories: Sequence[Trajectory], excluded: Collection[int] = ()
+) -> Mapping[int, Int32[np.ndarray, "visited"]]:
+    """Extract further demonstrations from shortest paths.
 
-    On a shortest path the walk between any two of its states is itself a shortest path, so every state after
-    the first serves as one more target, with the states before it as demonstrations.
+    The part of a shortest path between any two of its states is itself a shortest path. So every state after the first
+    one can serve as a further target, with the states before it as demonstrations.
 
     Args:
-        trajectories: shortest paths within one scene.
-        forbidden: states that never serve as a target, for example those kept for evaluation.
+        trajectories: shortest paths in one scene.
+        excluded: states that must not serve as targets, for example those kept for evaluation.
 
     Returns:
-        For each end state, in ascending order, the distinct states on the walks that lead to it, ascending.
+        For each further target, in ascending order, the distinct states on the paths that lead to it, ascending.
     """
-    excluded = {int(state) for state in forbidden}
-    leading: dict[int, set[int]] = {}
+    not_targets = {int(state) for state in excluded}
+    before: dict[int, set[int]] = {}
     for trajectory in trajectories:
         states = trajectory.states.tolist()
         for position, end in enumerate(states[1:], start=1):
-            if end not in excluded:
-                leading.setdefault(end, set()).update(states[:position])
-    return {end: np.asarray(sorted(leading[end]), np.int32) for end in sorted(leading)}
+            if end not in not_targets:
+                before.setdefault(end, set()).update(states[:position])
+    return {end: np.asarray(sorted(before[end]), np.int32) for end in sorted(before)}
 
 
-def _steps_to(target: int, next_state: Int32[np.ndarray, "states"]) -> np.ndarray:
-    """Number of steps that a policy needs from each state to the target, infinite where it never arrives."""
+def _steps_to(target: int, next_state: Int32[np.ndarray, "states"]) -> Float64[np.ndarray, "states"]:
+    """Number of steps from each state to the target under a policy; infinite if it never arrives."""
     steps = np.full(len(next_state), np.inf)
     steps[target] = 0.0
     while True:

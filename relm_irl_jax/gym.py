@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import gymnasium
 import jax
@@ -26,34 +26,34 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from relm_irl_jax import env
-from relm_irl_jax.env import Episode, Lane
+from relm_irl_jax.env import Episode, TargetRange
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.features.cache import encode_cached
-from relm_irl_jax.features.encoder import EncoderSettings, make_encoder
-from relm_irl_jax.rewards.assemble import ManualSettings, manual_reward
-from relm_irl_jax.rewards.model import RewardModel
-from relm_irl_jax.scenes.catalog import SceneSettings, built_in_room, cache_folder
-from relm_irl_jax.scenes.dump import load_scene
+from relm_irl_jax.features.encoder import N_CALIBRATION_VIEWS, make_encoder
+from relm_irl_jax.features.settings import EncoderSettings
+from relm_irl_jax.rewards.functions import RewardFunction, manual_reward
+from relm_irl_jax.rewards.settings import ManualSettings
 from relm_irl_jax.scenes.objects import best_views
+from relm_irl_jax.scenes.rooms.cache import built_in_room, cache_folder
 from relm_irl_jax.scenes.scene import ACTIONS, ROOM_TYPES, Scene
+from relm_irl_jax.scenes.scene_file import load_scene
 from relm_irl_jax.tasks import Target
 from relm_irl_jax.world import build_targets, build_world
 
-Observed = Literal["features", "frames"]
-
 
 class _Core:
-    """The scene's tables, and the environment's functions compiled for a number of lanes."""
+    """The scene's tables, and the environment's functions compiled for a number of agents."""
 
     def __init__(
         self,
         scene: Scene | Path | str,
         target: int | str | Sequence[int] | None,
+        *,
         cap: int,
-        obs: Observed,
-        reward: RewardModel | None,
+        obs: str,
+        reward: RewardFunction | None,
         history: int,
-        lanes: int,
+        agents: int,
     ):
         if obs not in ("features", "frames"):
             raise InputError(f"obs = {obs!r} is refused; give features or frames.")
@@ -66,32 +66,31 @@ class _Core:
         if self.scene.features is None:
             self.scene = _encoded(self.scene) if obs == "features" else _without_features(self.scene)
         chosen = [Target(0, state) for state in target_states(self.scene, target)]
-        self.world = build_world([self.scene], [0])
+        self.world = build_world([self.scene])
         self.targets = build_targets([self.scene], chosen)
         self.reward = manual_reward(ManualSettings()) if reward is None else reward
-        self.lane = Lane(jnp.zeros(lanes, jnp.int32), jnp.full(lanes, len(chosen), jnp.int32))
+        self.target_range = TargetRange(jnp.zeros(agents, jnp.int32), jnp.full(agents, len(chosen), jnp.int32))
         self.target_state = np.asarray(self.targets.state)
+        self.last_states = np.zeros((agents, history), np.int32)
 
     @cached_property
     def reset(self):
-        """Begin one episode a lane."""
+        """Start an episode for every agent."""
 
         @jax.jit
-        def begin(key):
-            keys = jax.random.split(key, self.lane.first.shape)
-            return jax.vmap(lambda k, lane: env.reset(k, self.targets, lane, self.history))(keys, self.lane)
+        def reset(key):
+            keys = jax.random.split(key, self.target_range.first.shape)
+            return jax.vmap(lambda k, own: env.reset(k, self.targets, own))(keys, self.target_range)
 
-        return begin
+        return reset
 
     @cached_property
     def step(self):
-        """Take one action a lane; a lane whose episode is over begins another one instead."""
+        """Take one action with every agent; an agent whose episode is over starts another one instead."""
 
         @jax.jit
         def advance(episode, action, over, key):
-            after, transition = jax.vmap(lambda e, a: env.step(e, a, self.world, self.targets, jnp.int32(self.cap)))(
-                episode, action
-            )
+            after, transition = env.step(episode, action, self.world, self.targets, jnp.int32(self.cap))
             reward = jax.vmap(lambda t: self.reward(t, self.world, self.targets))(transition)
             episode = env.select(over, self.reset(key), after)
             return (
@@ -113,10 +112,13 @@ class _Core:
         return spaces.Dict({"view": box if self.history == 1 else batch_space(box, self.history), "target": box})
 
     def observe(self, episode: Episode) -> dict[str, np.ndarray]:
-        """Views of the current states and of the targets."""
+        """Views of the last states, the latest first, and of the targets; the start's view is repeated before it."""
         pictures = self.scene.views if self.obs == "frames" else self.scene.encoded
+        state = np.asarray(episode.state)[:, None]
+        earlier = np.where(np.asarray(episode.steps)[:, None] == 0, state, self.last_states[:, :-1])
+        self.last_states = np.concatenate([state, earlier], axis=1)
+        seen = self.last_states[:, 0] if self.history == 1 else self.last_states
         target = self.target_state[np.asarray(episode.target)]
-        seen = np.asarray(episode.state if self.history == 1 else episode.views)
         return {"view": pictures[seen].copy(), "target": pictures[target].copy()}
 
     def information(self, episode: Episode) -> dict[str, np.ndarray]:
@@ -130,10 +132,10 @@ class _Core:
             "success": distance == 0,
         }
 
-    def picture(self, episode: Episode, lane: int) -> np.ndarray:
+    def picture(self, episode: Episode, agent: int) -> np.ndarray:
         """The current view beside the target's."""
-        target = int(self.target_state[int(episode.target[lane])])
-        return np.concatenate([self.scene.views[int(episode.state[lane])], self.scene.views[target]], axis=1)
+        target = int(self.target_state[int(episode.target[agent])])
+        return np.concatenate([self.scene.views[int(episode.state[agent])], self.scene.views[target]], axis=1)
 
 
 class NavigationEnv(gymnasium.Env):
@@ -145,7 +147,7 @@ class NavigationEnv(gymnasium.Env):
             goes to the best view of a random object, or to a random state where the scene has no labels.
         cap: number of steps after which an episode is truncated.
         obs: whether observations are feature vectors or frames.
-        reward: a reward model; by default the hand-made one.
+        reward: a reward function; by default the hand-made one.
         render_mode: `rgb_array` for the current view beside the target's, or None.
         history: number of last views in an observation.
     """
@@ -156,13 +158,14 @@ class NavigationEnv(gymnasium.Env):
         self,
         scene: Scene | Path | str = "bathroom-0",
         target: int | str | Sequence[int] | None = None,
+        *,
         cap: int = 100,
-        obs: Observed = "features",
-        reward: RewardModel | None = None,
+        obs: str = "features",
+        reward: RewardFunction | None = None,
         render_mode: str | None = None,
         history: int = 1,
     ):
-        self._core = _Core(scene, target, cap, obs, reward, history, lanes=1)
+        self._core = _Core(scene, target, cap=cap, obs=obs, reward=reward, history=history, agents=1)
         self.render_mode = render_mode
         self.action_space = spaces.Discrete(len(ACTIONS))
         self.observation_space = self._core.observation_space()
@@ -212,7 +215,7 @@ class NavigationVectorEnv(VectorEnv):
         target: where episodes go.
         cap: number of steps after which an episode is truncated.
         obs: whether observations are feature vectors or frames.
-        reward: a reward model.
+        reward: a reward function.
         render_mode: `rgb_array`, one picture an agent, or None.
         history: number of last views in an observation.
     """
@@ -224,13 +227,14 @@ class NavigationVectorEnv(VectorEnv):
         num_envs: int = 1,
         scene: Scene | Path | str = "bathroom-0",
         target: int | str | Sequence[int] | None = None,
+        *,
         cap: int = 100,
-        obs: Observed = "features",
-        reward: RewardModel | None = None,
+        obs: str = "features",
+        reward: RewardFunction | None = None,
         render_mode: str | None = None,
         history: int = 1,
     ):
-        self._core = _Core(scene, target, cap, obs, reward, history, num_envs)
+        self._core = _Core(scene, target, cap=cap, obs=obs, reward=reward, history=history, agents=num_envs)
         self.num_envs, self.render_mode = num_envs, render_mode
         self.single_action_space = spaces.Discrete(len(ACTIONS))
         self.single_observation_space = self._core.observation_space()
@@ -270,7 +274,7 @@ class NavigationVectorEnv(VectorEnv):
         """One picture an agent: its view beside its target's."""
         if self.render_mode is None or self._episode is None:
             return None
-        return tuple(self._core.picture(self._episode, lane) for lane in range(self.num_envs))
+        return tuple(self._core.picture(self._episode, agent) for agent in range(self.num_envs))
 
     def _facts(self) -> dict[str, np.ndarray]:
         assert self._episode is not None
@@ -294,7 +298,7 @@ def find_scene(scene: Scene | Path | str) -> Scene:
         return scene
     room_type, _, number = str(scene).rpartition("-")
     if room_type in ROOM_TYPES and number.isdecimal():
-        return built_in_room(room_type, int(number), SceneSettings())
+        return built_in_room(room_type, int(number))
     if Path(scene).is_file():
         return load_scene(Path(scene))
     raise InputError(
@@ -332,7 +336,7 @@ def target_states(scene: Scene, target: int | str | Sequence[int] | None) -> lis
 def _encoded(scene: Scene) -> Scene:
     """The scene with features of its views by the default encoder, measured on its own views."""
     settings = EncoderSettings()
-    encoder = make_encoder(settings, scene.views[:: max(1, scene.n_states // settings.calibration_views)])
+    encoder = make_encoder(settings, scene.views[:: max(1, scene.n_states // N_CALIBRATION_VIEWS)])
     features = encode_cached(scene.views, encoder, cache_folder() / "features", f"encoding {scene.name}")
     return replace(scene, features=features, encoder=encoder.name)
 

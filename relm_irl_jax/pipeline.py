@@ -3,59 +3,34 @@
 A stage whose result lies in the run folder is not run again.
 """
 
-import json
-import time
 from collections.abc import Callable, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
-from pathlib import Path
 
 from relm_irl_jax.cluster import join
-from relm_irl_jax.config import Config, Method, Task
-from relm_irl_jax.errors import InputError
-from relm_irl_jax.report.page import machine, write_report
-from relm_irl_jax.runs import RunFolder, open_run, write_json
-from relm_irl_jax.scenes.catalog import check_source
+from relm_irl_jax.config import METHODS, Config, Method, Task
+from relm_irl_jax.hardware import Stopwatch
+from relm_irl_jax.report.run_report import write_report
+from relm_irl_jax.rewards.learned import LearnedRewards
+from relm_irl_jax.run_config import open_run
+from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.scenes.scene import Scene
+from relm_irl_jax.scenes.selection import check_scenes_setting
 from relm_irl_jax.stages.encoding import EncodedScenes, encode_training
-from relm_irl_jax.stages.evaluating import evaluate_task
-from relm_irl_jax.stages.learning import LearnedRewards, keep_rewards, learn
-from relm_irl_jax.stages.playing import map_episodes
-from relm_irl_jax.stages.training import train_method, train_together, trains_together
+from relm_irl_jax.stages.episodes import AgentChoice, save_shown_episodes
+from relm_irl_jax.stages.evaluation import evaluate_task
+from relm_irl_jax.stages.make_agent import check_agent
+from relm_irl_jax.stages.rewards import LEARNED, learn, save_rewards
+from relm_irl_jax.stages.training import SeedInputs, train_jointly, train_method, trains_jointly
 from relm_irl_jax.tasks import TaskSplit, draw_split
 
-LEARNED: tuple[Method, ...] = ("irl", "elm-irl", "relm-irl")
-"""Methods whose reward is learned from demonstrations."""
-
-Learner = Callable[[Config, Sequence[Scene], TaskSplit, int], LearnedRewards]
+LearnRewards = Callable[[Config, Sequence[Scene], TaskSplit, int], LearnedRewards]
 """Learns the rewards of a configuration from encoded training scenes, the targets of all tasks, and a seed."""
-
-
-@dataclass(frozen=True)
-class Stopwatch:
-    """Seconds that each stage took, in all calls together, kept in the run folder with the machine.
-
-    Attributes:
-        path: the file, `machine.json`.
-    """
-
-    path: Path
-
-    @contextmanager
-    def __call__(self, stage: str):
-        """Time a block under the name of a stage."""
-        begun = time.perf_counter()
-        yield
-        before = json.loads(self.path.read_text())["seconds"] if self.path.exists() else {}
-        passed = round(before.get(stage, 0.0) + time.perf_counter() - begun, 2)
-        write_json(self.path, machine() | {"seconds": before | {stage: passed}})
 
 
 def run(
     config: Config,
     tasks: Sequence[Task] = (),
     encoded: EncodedScenes | None = None,
-    learner: Learner = learn,
+    learn_rewards: LearnRewards = learn,
     *,
     maps: bool = True,
 ) -> RunFolder:
@@ -65,8 +40,8 @@ def run(
         config: the configuration.
         tasks: tasks to evaluate; the configuration's where empty.
         encoded: the training scenes, where they are encoded already.
-        learner: learns rewards; runs that share them can be given one that remembers.
-        maps: whether to draw episodes and rewards from above.
+        learn_rewards: learns rewards; runs that share them can be given a function that remembers.
+        maps: whether to save maps of rewards and episodes for the report.
 
     Returns:
         The run folder.
@@ -74,49 +49,47 @@ def run(
     Raises:
         InputError: the configuration, the scenes or the run folder cannot be used.
     """
-    check_source(config.scenes)
+    tasks = tuple(tasks) or (config.task,)
+    check_scenes_setting(config.scenes)
+    check_agent(config, tasks)
     join(config.cluster)
-    if config.agent == "metric" and "bc" in config.methods:
-        raise InputError("methods: bc clones the siamese agent's policy; leave it out, or use --agent siamese.")
-    if config.agent == "siamese" and config.siamese.heads == "scene" and "III" in (tasks or (config.task,)):
-        raise InputError(
-            "siamese.heads: scene leaves the unseen scenes of task III without a head; use room_type or shared."
-        )
     folder = open_run(config)
-    stopwatch = Stopwatch(folder.file("machine.json"))
+    stopwatch = Stopwatch(folder.hardware)
     if encoded is None:
         with stopwatch("scenes and features"):
             encoded = encode_training(config)
-    together: dict[Method, list] = {}
+    joint: dict[Method, list[SeedInputs]] = {}
     for seed in range(config.seeds):
         split = draw_split(encoded.scenes, (), config.tasks, seed)
         missing = [m for m in config.chosen_methods() if m != "random" and not folder.agent(m, seed).exists()]
         learned = None
         if set(missing) & set(LEARNED):
             with stopwatch("inverse reinforcement learning and ELM"):
-                learned = learner(config, encoded.scenes, split, seed)
-                keep_rewards(encoded.scenes, split, learned, seed, folder, maps=maps)
+                learned = learn_rewards(config, encoded.scenes, split, seed)
+                save_rewards(encoded.scenes, split, learned, seed, folder, maps=maps)
+        inputs = SeedInputs(seed, encoded.scenes, split, learned)
         for method in missing:
-            if config.seeds > 1 and trains_together(config, method):
-                together.setdefault(method, []).append((seed, split, learned))
+            if trains_jointly(config, method):
+                joint.setdefault(method, []).append(inputs)
                 continue
             with stopwatch(f"training {method}"):
-                train_method(config, method, seed, encoded.scenes, split, learned, folder)
-    for method, prepared in together.items():
+                train_method(config, method, inputs, folder)
+    for method, prepared in joint.items():
         with stopwatch(f"training {method}"):
-            train_together(config, method, prepared, encoded.scenes, folder)
-    for task in tasks or (config.task,):
+            train_jointly(config, method, prepared, folder)
+    for task in tasks:
         with stopwatch("evaluation"):
             _evaluate(config, folder, encoded, task, maps=maps)
-    write_report(folder, config)
+    write_report(folder)
     return folder
 
 
 def _evaluate(config: Config, folder: RunFolder, encoded: EncodedScenes, task: Task, *, maps: bool = True) -> None:
-    """Evaluate the agents and map episodes of the last method, which is the paper's where it was trained."""
-    rows = evaluate_task(config, folder, encoded, task)["rows"]
+    """Evaluate the agents and save episodes of the last method, which is the paper's where it was trained."""
+    evaluated = {row.method for row in evaluate_task(config, folder, encoded, task).rows}
     if maps:
-        map_episodes(config, folder, encoded, rows[-1]["method"], task)
+        last = [method for method in METHODS if method in evaluated][-1]
+        save_shown_episodes(config, folder, encoded, AgentChoice(last, task))
 
 
 def evaluate_run(config: Config, folder: RunFolder, task: Task) -> None:
@@ -128,4 +101,4 @@ def evaluate_run(config: Config, folder: RunFolder, task: Task) -> None:
         task: `I`, `II` or `III`.
     """
     _evaluate(config, folder, encode_training(config), task)
-    write_report(folder, config)
+    write_report(folder)

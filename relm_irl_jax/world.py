@@ -1,11 +1,11 @@
-"""Scenes and targets as device arrays: the tables that the environment and the agent index.
+"""Scenes and targets as device arrays: the tables that the environment and the agents index.
 
-Scenes are laid end to end, so that one integer names a state of any scene, and workers in different scenes step in
-one program.
+The states of all scenes are numbered consecutively, scene by scene, so that one integer identifies a state of any
+scene and workers in different scenes step in one program.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import jax
@@ -21,27 +21,36 @@ from relm_irl_jax.tasks import Target
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class World:
-    """Scenes laid end to end.
+    """The states of several scenes, numbered consecutively.
 
     Attributes:
         successor: next state for each action; a collision leads back to the state.
         scene: number of each state's scene.
         local: number of each state within its scene.
-        head: number of the network head that serves each state, see `relm_irl_jax.agent.siamese.network`.
         features: encoded view of each state.
+        room_type: number of each scene's room type among those of the training scenes; -1 if it was never trained.
+        training_scene: number of each scene among the training scenes; -1 if it is none of them.
+        names: names of the scenes, for messages. Static.
     """
 
     successor: Int32[Array, "states 4"]
     scene: Int32[Array, "states"]
     local: Int32[Array, "states"]
-    head: Int32[Array, "states"]
     features: Float32[Array, "states feature"]
+    room_type: Int32[Array, "scenes"]
+    training_scene: Int32[Array, "scenes"]
+    names: tuple[str, ...] = field(metadata={"static": True})
+
+    @property
+    def n_scenes(self) -> int:
+        """Number of scenes."""
+        return len(self.names)
 
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Targets:
-    """Targets that episodes may be sent to, in the order of their scenes.
+    """Targets of episodes, in the order of their scenes.
 
     Attributes:
         state: the target's state in the world.
@@ -50,8 +59,8 @@ class Targets:
         n_starts: number of valid entries in each row of `start`.
         distance: least number of actions to the target from each local state of its scene; -1 where there is no
             path and in the padding.
-        predicted: reward predicted for each state of the world on the way to the target, r̂(s, g) in [-1, 0], where the
-            agent sees it; 0 in other scenes.
+        predicted_reward: reward predicted for each state of the world with this target, r̂(s, g) in [-1, 0], where the
+            agent observes it; 0 in other scenes.
     """
 
     state: Int32[Array, "targets"]
@@ -59,15 +68,15 @@ class Targets:
     start: Int32[Array, "targets starts"]
     n_starts: Int32[Array, "targets"]
     distance: Int32[Array, "targets locals"]
-    predicted: Float32[Array, "targets states"] | None = None
+    predicted_reward: Float32[Array, "targets states"] | None = None
 
 
-def build_world(scenes: Sequence[Scene], heads: Sequence[int]) -> World:
-    """Lay scenes end to end.
+def build_world(scenes: Sequence[Scene], training: Sequence[Scene] | None = None) -> World:
+    """Concatenate scenes.
 
     Args:
         scenes: encoded scenes.
-        heads: number of the network head that serves each scene.
+        training: the training scenes, which number the room types; `scenes` themselves where None.
 
     Returns:
         The world; the state `local` of scene `i` becomes `scene_offsets(scenes)[i] + local`.
@@ -77,22 +86,32 @@ def build_world(scenes: Sequence[Scene], heads: Sequence[int]) -> World:
     """
     offsets = scene_offsets(scenes)
     sizes = [scene.n_states for scene in scenes]
+    known = scenes if training is None else training
+    room_types = list(dict.fromkeys(scene.room_type for scene in known))
+    names = [scene.name for scene in known]
     return World(
         successor=jnp.asarray(
             np.concatenate([successors(s.graph) + o for s, o in zip(scenes, offsets, strict=True)]), jnp.int32
         ),
         scene=jnp.asarray(np.repeat(np.arange(len(scenes)), sizes), jnp.int32),
         local=jnp.asarray(np.concatenate([np.arange(size) for size in sizes]), jnp.int32),
-        head=jnp.asarray(np.repeat(np.asarray(heads), sizes), jnp.int32),
         features=jnp.asarray(np.concatenate([scene.encoded for scene in scenes]), jnp.float32),
+        room_type=jnp.asarray([_number(room_types, scene.room_type) for scene in scenes], jnp.int32),
+        training_scene=jnp.asarray([_number(names, scene.name) for scene in scenes], jnp.int32),
+        names=tuple(scene.name for scene in scenes),
     )
 
 
+def _number(names: Sequence[str], name: str) -> int:
+    """Place of a name in a list; -1 if it is not there."""
+    return names.index(name) if name in names else -1
+
+
 def scene_offsets(scenes: Sequence[Scene]) -> list[int]:
-    """World state of each scene's first state.
+    """Number in the world of each scene's first state.
 
     Args:
-        scenes: the scenes in the order in which they are laid.
+        scenes: the scenes in the order of the world.
 
     Returns:
         One offset a scene.

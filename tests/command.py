@@ -1,21 +1,38 @@
 """The command line as tests call it, and tiny settings for it."""
 
-import subprocess
+import io
 import sys
+from contextlib import chdir, redirect_stderr, redirect_stdout
 from pathlib import Path
 
 from relm_irl_jax.cli import main
 
 EXPERIMENT = Path(__file__).parents[1] / "experiments" / "smoke.toml"
-QUICK = ("--frames", "6000", "--evaluation.episodes", "50", "--elm.hidden", "40")
+QUICK = (
+    *("--frames", "1536", "--evaluation.episodes", "50", "--elm.hidden", "40"),
+    *("--scene.image-size", "32", "--encoder.image-size", "32"),
+    *("--siamese.workers", "24", "--siamese.t-max", "8", "--siamese.width", "16"),
+)
+"""As small as possible. Images of 32 pixels are those of the encoder's own tests, which share its programs."""
 
 
-def relm_irl(*arguments: str, cwd: Path) -> subprocess.CompletedProcess:
-    command = [sys.executable, "-W", "error::DeprecationWarning:relm_irl_jax", "-m", "relm_irl_jax", *arguments]
-    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=1200, check=False)
+def relm_irl(folder: Path, *arguments: str) -> tuple[int, str, str]:
+    """Run the command in this process, in a folder: exit code, and what it printed on standard output and error."""
+    out, err, before = io.StringIO(), io.StringIO(), sys.argv
+    sys.argv = ["relm-irl", *arguments]
+    try:
+        with chdir(folder), redirect_stdout(out), redirect_stderr(err):
+            main()
+        code = 0
+    except SystemExit as stop:
+        code = stop.code or 0
+    finally:
+        sys.argv = before
+    return code, out.getvalue(), err.getvalue()
 
 
-def in_process(monkeypatch, folder, *arguments: str) -> None:
+def in_process(monkeypatch, folder: Path, *arguments: str) -> None:
+    """Run the command in this process, in a folder; what it prints and its exit go to the test."""
     monkeypatch.chdir(folder)
     monkeypatch.setattr(sys, "argv", ["relm-irl", *arguments])
     main()

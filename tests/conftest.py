@@ -1,11 +1,13 @@
-"""Compiled programs are kept and shared by the test processes and the commands that they start."""
+"""Settings of JAX for all tests and the commands that they start: JAX reads them when it is imported, after this."""
 
 import os
 from pathlib import Path
 
 FOLDER = Path(__file__).parents[1] / ".cache" / "jax"
 
-# Read by JAX when it is imported, which is after this file.
+# Compiled programs are kept and shared.
 os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(FOLDER))
 os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
 os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES", "-1")
+# A product of arrays of two types is an error, not silently an array of the wider type.
+os.environ.setdefault("JAX_NUMPY_DTYPE_PROMOTION", "strict")

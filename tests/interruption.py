@@ -1,4 +1,4 @@
-"""Trainings that are cut off and taken up again, in a run folder."""
+"""Trainings that are interrupted and continued, in a run folder."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -8,38 +8,38 @@ import jax
 import numpy as np
 import pytest
 
-from relm_irl_jax.agent.learning import TrainingRecord
-from relm_irl_jax.agent.settings import RecordSettings
+from relm_irl_jax.agents.settings import LogSettings
 from relm_irl_jax.config import Config
-from relm_irl_jax.runs import RunFolder
-from relm_irl_jax.stages.recording import FolderRecord
+from relm_irl_jax.run_folder import RunFolder
+from relm_irl_jax.stages.training_log import RunFolderLog
+from relm_irl_jax.types import TrainingLog
 
-EVERY_CHUNK = Config(record=RecordSettings(checkpoint_minutes=0))
+EVERY_CHUNK = Config(log=LogSettings(checkpoint_minutes=0))
 
 
-class CutOff(Exception):
+class Interrupted(Exception):
     pass
 
 
-class ShortLived(FolderRecord):
+class InterruptedLog(RunFolderLog):
     """Ends the training after two chunks: the third is computed and lost."""
 
     def add(self, state, rows):
         if len(rows) == 3:
-            raise CutOff
+            raise Interrupted
         super().add(state, rows)
 
 
-def cut_off(path: Path, train: Callable[[TrainingRecord], Any], config: Config = EVERY_CHUNK) -> None:
-    with pytest.raises(CutOff), ShortLived(RunFolder(path), config, "rl", 0, lambda frames: None) as record:
-        train(record)
+def interrupt(path: Path, train: Callable[[TrainingLog], Any], config: Config = EVERY_CHUNK) -> None:
+    with pytest.raises(Interrupted), InterruptedLog(RunFolder(path), config, "rl", 0, lambda frames: None) as log:
+        train(log)
 
 
-def take_up(path: Path, train: Callable[[TrainingRecord], Any], config: Config = EVERY_CHUNK) -> tuple[Any, list[int]]:
-    """What the training gives, and the movements of the progress bar."""
+def resume(path: Path, train: Callable[[TrainingLog], Any], config: Config = EVERY_CHUNK) -> tuple[Any, list[int]]:
+    """The result of the training, and the movements of the progress bar."""
     moved = []
-    with FolderRecord(RunFolder(path), config, "rl", 0, moved.append) as record:
-        return train(record), moved
+    with RunFolderLog(RunFolder(path), config, "rl", 0, moved.append) as log:
+        return train(log), moved
 
 
 def assert_same(one: Any, other: Any) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from relm_irl_jax.config import Config, config_from_record, config_record, fingerprint, load_config
+from relm_irl_jax.config import Config, config_from_dict, config_to_dict, fingerprint, load_config
 from relm_irl_jax.errors import InputError
 
 EXPERIMENTS = sorted((Path(__file__).parents[1] / "experiments").glob("*.toml"))
@@ -13,7 +13,7 @@ EXPERIMENTS = sorted((Path(__file__).parents[1] / "experiments").glob("*.toml"))
 
 def test_record_and_back():
     config = Config(task="III", methods=("rl", "irl"), frames=7)
-    assert config_from_record(config_record(config), "memory") == config
+    assert config_from_dict(config_to_dict(config), "memory") == config
 
 
 @pytest.mark.parametrize("path", EXPERIMENTS, ids=lambda path: path.stem)
@@ -30,21 +30,36 @@ def test_there_are_experiments():
     [
         ("frames = 0", r"c\.toml: frames = 0 is refused: input should be greater than 0"),
         ('task = "IV"', r"c\.toml: task = 'IV' is refused"),
-        ("[siamese]\nworkres = 3", r"c\.toml: unknown field `siamese\.workres`"),
-        ("siamese = 3", r"c\.toml: `siamese` is a group of fields"),
+        ("[siamese]\nworkres = 3", r"c\.toml: unknown field `siamese\.workres`; did you mean `siamese\.workers`\?"),
+        (
+            "[irl.max_margin]\nx = 3\n[siamese]\nwidth = 0",
+            r"unknown field `irl\.max_margin\.x`; known here are form, .*",
+        ),
+        ("frames = 0\nworkres = 3", r"c\.toml: unknown field `workres`; known here are task, methods, .*"),
+        ("[anything.at.all]\nx = 1", r"c\.toml: unknown field `anything`; known here are task, .*"),
+        ("siamese = 3", r"c\.toml: `siamese` is a group of fields; write `siamese\.FIELD`"),
+        ("irl.max_margin = 3", r"c\.toml: `irl\.max_margin` is a group of fields; write `irl\.max_margin\.FIELD`"),
+        ("frames.x = 3", r"c\.toml: frames = {'x': 3} is refused: input should be a valid integer"),
         ("frames = = 3", r"c\.toml: is not valid TOML"),
     ],
 )
 def test_refusals_name_file_and_field(tmp_path, text, message):
     (tmp_path / "c.toml").write_text(text)
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(InputError, match=message) as refusal:
         load_config(tmp_path / "c.toml")
+    assert "\n" not in str(refusal.value)
+
+
+def test_a_json_file_without_fields_is_refused(tmp_path):
+    (tmp_path / "c.json").write_text("[1, 2]")
+    with pytest.raises(InputError, match=r"c\.json: must hold an object of fields"):
+        load_config(tmp_path / "c.json")
 
 
 def test_a_file_that_names_one_field_of_a_group_leaves_its_neighbours(tmp_path):
-    (tmp_path / "c.toml").write_text('[irl.program]\nvariant = "lp-l1"')
-    program = load_config(tmp_path / "c.toml").irl.program
-    assert program == replace(Config().irl.program, variant="lp-l1")
+    (tmp_path / "c.toml").write_text('[irl.max_margin]\nvariant = "lp-l1"')
+    program = load_config(tmp_path / "c.toml").irl.max_margin
+    assert program == replace(Config().irl.max_margin, variant="lp-l1")
 
 
 def test_a_missing_file_is_named(tmp_path):

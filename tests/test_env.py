@@ -7,7 +7,7 @@ import pytest
 from builders import grid_scene
 
 from relm_irl_jax import env
-from relm_irl_jax.env import Episode, Lane
+from relm_irl_jax.env import Episode, TargetRange
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.scenes.scene import Scene, pose_graph, shortest_path_distances
 from relm_irl_jax.tasks import Target
@@ -20,7 +20,7 @@ SCENES = [grid_scene(2, 1), grid_scene(3, 3, features=np.zeros((36, 8), np.float
 def corridor():
     """Two places along +x; the target is state 5: the far place, facing +x."""
     scene = grid_scene(2, 1)
-    return build_world([scene], [0]), build_targets([scene], [Target(0, 5)])
+    return build_world([scene]), build_targets([scene], [Target(0, 5)])
 
 
 def walk(actions, start, cap=10):
@@ -51,19 +51,32 @@ def test_the_last_allowed_step_truncates_unless_it_arrives():
     assert not transitions[-1].truncated
 
 
+def test_a_batch_of_episodes_steps_as_one_by_one():
+    world, targets = corridor()
+    start = jnp.arange(8)
+    episodes = Episode(start, jnp.zeros(8, jnp.int32), start, jnp.zeros(8, jnp.int32))
+    actions = jnp.asarray([0, 1, 2, 3, 3, 2, 1, 0], jnp.int32)
+    after, transitions = env.step(episodes, actions, world, targets, jnp.int32(9))
+    for number in range(8):
+        one = jax.tree.map(lambda x, i=number: x[i], episodes)
+        single = jax.tree.leaves(env.step(one, actions[number], world, targets, jnp.int32(9)))
+        batch = jax.tree.leaves((after, transitions))
+        assert [x[number].item() for x in batch] == [x.item() for x in single]
+
+
 def test_shortest_path_of_an_episode():
     world, targets = corridor()
     episode = Episode(jnp.int32(3), jnp.int32(0), jnp.int32(0), jnp.int32(7))
-    assert int(env.shortest(episode, world, targets)) == 2  # from the start, wherever the worker stands now
+    assert int(env.shortest_path(episode, world, targets)) == 2  # from the start, wherever the worker is now
 
 
 def two_scenes():
     scenes = [grid_scene(2, 1, features=np.zeros((8, 8), np.float32)), SCENES[1]]
     chosen = [Target(0, 5), Target(1, 0), Target(1, 17), Target(1, 35)]
-    return scenes, build_world(scenes, [0, 1]), build_targets(scenes, chosen)
+    return scenes, build_world(scenes), build_targets(scenes, chosen)
 
 
-def test_scenes_lie_end_to_end():
+def test_states_are_numbered_scene_by_scene():
     scenes, world, targets = two_scenes()
     assert scene_offsets(scenes) == [0, 8]
     assert world.scene.tolist() == [0] * 8 + [1] * 36
@@ -75,10 +88,10 @@ def test_scenes_lie_end_to_end():
 
 def test_resets_draw_start_and_target_uniformly():
     _, _, targets = two_scenes()
-    lane = Lane(jnp.int32(1), jnp.int32(3))
+    target_range = TargetRange(jnp.int32(1), jnp.int32(3))
     draws = 40_000
     keys = jax.random.split(jax.random.key(0), draws)
-    episodes = jax.vmap(lambda key: env.reset(key, targets, lane))(keys)
+    episodes = jax.vmap(lambda key: env.reset(key, targets, target_range))(keys)
     pairs = np.stack([episodes.target, episodes.start])
     distinct, counts = np.unique(pairs, axis=1, return_counts=True)
     counted = dict(zip(map(tuple, distinct.T), counts, strict=True))
@@ -105,7 +118,7 @@ def test_starts_that_cannot_reach_the_target_are_never_drawn():
     targets = build_targets([scene], [Target(0, 2)])
     assert int(targets.n_starts[0]) == 7
     keys = jax.random.split(jax.random.key(1), 500)
-    starts = jax.vmap(lambda key: env.reset(key, targets, Lane(jnp.int32(0), jnp.int32(1))).start)(keys)
+    starts = jax.vmap(lambda key: env.reset(key, targets, TargetRange(jnp.int32(0), jnp.int32(1))).start)(keys)
     assert set(np.asarray(starts).tolist()) == set(range(8)) - {2}
 
 
@@ -121,4 +134,4 @@ def test_scenes_without_features_are_refused():
     scene = grid_scene(1, 1)
     bare = Scene(scene.name, scene.room_type, scene.location, scene.rotation, scene.graph, scene.shortest_path_distance)
     with pytest.raises(InputError, match="no features"):
-        build_world([bare], [0])
+        build_world([bare])

@@ -1,7 +1,6 @@
 """The paper's metrics against hand computation, and episodes under policies whose outcome is known."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -10,11 +9,16 @@ import pytest
 from builders import grid_scene
 from jaxtyping import Array
 
-from relm_irl_jax.agent.siamese.frames import tabulate
-from relm_irl_jax.agent.siamese.network import SiameseActorCritic
-from relm_irl_jax.evaluation import Episodes, NetworkPolicy, RandomPolicy, evaluate, metrics, network_policy
+from relm_irl_jax.agents.random_agent import RandomPolicy
+from relm_irl_jax.agents.siamese.forward import evaluate_pairs, tabulate
+from relm_irl_jax.agents.siamese.network import SiameseActorCritic
+from relm_irl_jax.agents.siamese.policy import PairPolicy, SeveralViewsPolicy
+from relm_irl_jax.agents.siamese.state_target_pairs import state_target_pairs
+from relm_irl_jax.agents.siamese.training import init_parameters
+from relm_irl_jax.evaluation import Episodes, compute_metrics, evaluate
 from relm_irl_jax.experts import shortest_path_expert
 from relm_irl_jax.tasks import Target
+from relm_irl_jax.types import NO_MEMORY
 from relm_irl_jax.world import build_targets, build_world
 
 
@@ -27,7 +31,7 @@ def test_metrics_by_hand():
         shortest=np.asarray([[4, 10]], np.int32),
         success=np.asarray([[True, False]]),
     )
-    measured = metrics(episodes, 0)
+    measured = compute_metrics(episodes, 0)
     assert measured.episodes == 2
     assert measured.success_rate == 0.5
     assert measured.path_length_error == pytest.approx((1 + 90) / 2)
@@ -40,10 +44,12 @@ class TablePolicy:
     """Takes the action that a table names for target and state."""
 
     action: Array
-    history: ClassVar[int] = 1
 
-    def __call__(self, key, views, target):
-        return self.action[target, views[..., 0]]
+    def init(self, shape):
+        return NO_MEMORY
+
+    def act(self, key, memory, observation, target):
+        return memory, self.action[target, observation.view]
 
 
 def scenes_and_targets():
@@ -52,7 +58,7 @@ def scenes_and_targets():
         grid_scene(4, 3, features=np.zeros((48, 2), np.float32)),
     ]
     targets = [Target(0, 5), Target(0, 20), Target(1, 33)]
-    return scenes, targets, build_world(scenes, [0, 0]), build_targets(scenes, targets)
+    return scenes, targets, build_world(scenes), build_targets(scenes, targets)
 
 
 def test_the_expert_is_perfect():
@@ -64,7 +70,7 @@ def test_the_expert_is_perfect():
         action[row, offset : offset + len(decided)] = np.maximum(decided, 0)
     episodes = evaluate(jax.random.key(0), TablePolicy(jnp.asarray(action)), world, tables, 50, 64)
     for number in range(2):
-        measured = metrics(episodes, number)
+        measured = compute_metrics(episodes, number)
         assert (measured.success_rate, measured.path_length_error, measured.spl) == (1.0, 0.0, 1.0)
     assert set(episodes.target[0].tolist()) == {0, 1}
     assert set(episodes.target[1].tolist()) == {2}
@@ -83,7 +89,7 @@ def test_turning_for_ever_fails_at_the_cap():
 def test_random_is_as_good_as_its_markov_chain():
     """Success within the cap, averaged over starts, from powers of the uniform policy's transition matrix."""
     scene = grid_scene(2, 2, features=np.zeros((16, 2), np.float32))
-    world, tables = build_world([scene], [0]), build_targets([scene], [Target(0, 6)])
+    world, tables = build_world([scene]), build_targets([scene], [Target(0, 6)])
     following = np.asarray(world.successor)
     chain = np.zeros((16, 16))
     for action in range(4):
@@ -91,22 +97,28 @@ def test_random_is_as_good_as_its_markov_chain():
     chain[6] = np.eye(16)[6]
     exact = np.linalg.matrix_power(chain, 12)[:, 6][np.arange(16) != 6].mean()
     episodes = evaluate(jax.random.key(2), RandomPolicy(), world, tables, 12, 20_000)
-    assert metrics(episodes, 0).success_rate == pytest.approx(exact, abs=4 * np.sqrt(exact * (1 - exact) / 20_000))
+    assert compute_metrics(episodes, 0).success_rate == pytest.approx(
+        exact, abs=4 * np.sqrt(exact * (1 - exact) / 20_000)
+    )
 
 
-def test_a_network_computed_for_all_pairs_walks_as_one_computed_step_by_step():
+def test_a_network_evaluated_on_all_pairs_acts_as_one_evaluated_step_by_step():
     generator = np.random.default_rng(0)
-    scenes = [
-        grid_scene(3, 3, name=f"room-{n}", features=generator.normal(size=(36, 8)).astype(np.float32)) for n in range(3)
-    ]
-    world = build_world(scenes, [1, 0, 1])
+    features = generator.normal(size=(3, 36, 8)).astype(np.float32)
+    scenes = [grid_scene(3, 3, name=f"room-{n}", features=features[n]) for n in range(3)]
+    world = build_world(scenes)
     targets = build_targets(scenes, [Target(0, 3), Target(1, 20), Target(2, 9), Target(2, 11)])
-    network = SiameseActorCritic(n_heads=2, width=16)
-    parameters = network.init(jax.random.key(0), jnp.zeros((2, 1, 1, 8)), jnp.zeros((2, 1, 8)), jnp.arange(2))
-    parameters = jax.tree.map(lambda p: p + 0.3 * jax.random.normal(jax.random.key(3), p.shape), parameters)
-    pairs = network_policy(network, parameters, world, targets)
-    tables = tabulate(network, parameters, world.features, targets.state)
-    steps = NetworkPolicy(parameters, tables, jnp.asarray([1, 0, 1]), network)
-    one, other = (evaluate(jax.random.key(1), policy, world, targets, 30, 50) for policy in (pairs, steps))
+    network = SiameseActorCritic(n_heads=2, width=16, uniform=True)
+    parameters = init_parameters(jax.random.key(0), network, world)
+    parameters = jax.tree.map(lambda p: p + 0.3 * generator.normal(size=p.shape).astype(np.float32), parameters)
+    head = np.asarray([1, 0, 1])
+    pairs = state_target_pairs(world, targets, head, 2)
+    outputs = jax.jit(lambda theta: evaluate_pairs(network, theta, world, targets, pairs))(parameters)
+    tables = tabulate(network, parameters, world, targets)
+    policies = (
+        PairPolicy(outputs, pairs, world),
+        SeveralViewsPolicy(parameters, tables, jnp.asarray(head, jnp.int32), network),
+    )
+    one, other = (evaluate(jax.random.key(1), policy, world, targets, 30, 50) for policy in policies)
     assert (one.length == other.length).all()
     assert 1 < one.length.mean() < 30

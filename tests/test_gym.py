@@ -11,8 +11,8 @@ from gymnasium.utils.env_checker import check_env
 import relm_irl_jax  # noqa: F401  registers the environments
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.gym import NavigationEnv, NavigationVectorEnv
-from relm_irl_jax.scenes.dump import save_scene
 from relm_irl_jax.scenes.rooms import generate_room
+from relm_irl_jax.scenes.scene_file import save_scene
 
 NAME = "RelmIrl/Navigation-v0"
 

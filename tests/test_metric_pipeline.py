@@ -1,21 +1,25 @@
-"""The metric agent through the whole pipeline; apart from the other such tests, so that both run side by side."""
+"""The metric agent through the whole pipeline; apart from the siamese agent's tests, so that both run in parallel."""
 
 import json
 
-from command import EXPERIMENT, QUICK, in_process
+from command import EXPERIMENT, QUICK, relm_irl
 
-from relm_irl_jax.runs import read_table
+from relm_irl_jax.files import read_table
+
+SMALL = ("--agent", "metric", "--metric.width", "16", "--metric.dimension", "8", "--metric.workers", "24")
 
 
-def test_the_metric_agent_runs_through_the_same_chain(tmp_path, monkeypatch):
-    small = ("--agent", "metric", "--metric.width", "32", "--metric.dimension", "16", "--metric.workers", "96")
-    methods = ("--methods", "irl", "relm-irl")
-    in_process(monkeypatch, tmp_path, "train", "--config", str(EXPERIMENT), "--run", "metric", *QUICK, *small, *methods)
-    rows = json.loads((tmp_path / "metric" / "results.json").read_text())["rows"]
-    assert {row["method"] for row in rows} == {"irl", "relm-irl"}
-    assert float(read_table(tmp_path / "metric" / "curves" / "irl-seed-0.csv")["states_met"][-1]) > 0.9
+def test_the_metric_agent_runs_through_the_same_chain(tmp_path):
+    options = (*QUICK, *SMALL, "--frames", "9216", "--methods", "irl", "relm-irl")
+    code, _, err = relm_irl(tmp_path, "train", "--config", str(EXPERIMENT), "--run", "metric", *options)
+    assert code == 0, err
+    run = tmp_path / "metric"
+    rows = json.loads((run / "results.json").read_text())["rows"]
+    assert {(row["method"], row["agent"]) for row in rows} == {("irl", "metric"), ("relm-irl", "metric")}
+    assert float(read_table(run / "curves" / "irl-seed-0.csv")["states_visited"][-1]) > 0.9
     for room_type in ("bathroom", "bedroom", "living_room"):
-        assert (tmp_path / "metric" / "figures" / f"distance-II-{room_type}.png").stat().st_size > 0
-        assert "RELM-IRL" in read_table(tmp_path / "metric" / "figures" / f"distance-II-{room_type}.csv")
-    assert "metric agent (hindsight: strict)" in (tmp_path / "metric" / "report.md").read_text()
-    in_process(monkeypatch, tmp_path, "play", "metric", "--method", "irl")
+        assert (run / "figures" / f"distance-II-{room_type}.png").stat().st_size > 0
+        assert "relm-irl" in read_table(run / "figures" / f"distance-II-{room_type}.csv")
+    assert "metric agent" in (run / "report.md").read_text()
+    code, _, err = relm_irl(tmp_path, "play", "metric", "--method", "irl")
+    assert code == 0, err

@@ -1,4 +1,4 @@
-"""Frames a second: the environment alone, with the policy, and training, beside a plain matrix product.
+"""Frames a second: the environment alone, acting, and training, beside a plain matrix product.
 
 Writes `agent.csv` and `agent.png`, and prints the table. The scenes are empty rooms with the built-in rooms' numbers of
 states, random features of 2048 numbers and a learned reward of 64; no rate depends on what the views show. An
@@ -14,22 +14,25 @@ from pathlib import Path
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, PRNGKeyArray
+from jaxtyping import PRNGKeyArray
 from rich.console import Console
 from rich.table import Table
 
-from relm_irl_jax.agent.rollout import rollout, sample_action
-from relm_irl_jax.agent.settings import SiameseSettings
-from relm_irl_jax.agent.siamese.network import SiameseActorCritic
-from relm_irl_jax.agent.siamese.passes import passes
-from relm_irl_jax.agent.siamese.train import begin, cheaper_pairs, network_of, run_chunk, worker_lanes
-from relm_irl_jax.agent.siamese.update import Learner, Setting, sampling_actor
+from relm_irl_jax import env
+from relm_irl_jax.agents.rollout import rollout, sample_action
+from relm_irl_jax.agents.settings import SiameseSettings
+from relm_irl_jax.agents.siamese.forward import through_frames, through_pairs
+from relm_irl_jax.agents.siamese.network import SiameseActorCritic
+from relm_irl_jax.agents.siamese.training import prepare, run_updates
+from relm_irl_jax.agents.siamese.update import UpdateInputs, initial_memory, observe_views
 from relm_irl_jax.benchmarks.axes import label_log_axes
 from relm_irl_jax.benchmarks.irl import open_room
 from relm_irl_jax.benchmarks.timing import Timing, describe_machine, time_calls
 from relm_irl_jax.progress import progress_bar
-from relm_irl_jax.rewards.model import LinearReward
+from relm_irl_jax.rewards.equation import LinearRewardForm
+from relm_irl_jax.rewards.functions import LinearReward
 from relm_irl_jax.tasks import Target
+from relm_irl_jax.types import TrainingProblem
 from relm_irl_jax.world import build_targets, build_world
 
 PLACES = (42, 42, 90, 90, 148, 148)
@@ -44,7 +47,7 @@ class Rate:
 
     Attributes:
         what: `environment`, `acting` (environment and policy) or `training`.
-        history: number of last views that the network sees.
+        history: number of last views that the network observes.
         workers: number of workers.
         t_max: steps of each worker in a rollout or update.
         frames: frames of a call.
@@ -67,67 +70,58 @@ class Rate:
     gflops: float
 
 
-def setting_of(settings: SiameseSettings, devices: int = 1) -> tuple[Setting, Learner, SiameseActorCritic]:
-    """Six empty rooms, twenty targets and a learned reward.
-
-    Args:
-        settings: the agent's settings.
-        devices: number of devices that share the workers.
+def benchmark_problem() -> TrainingProblem:
+    """Six empty rooms of three room types, twenty targets and a learned reward.
 
     Returns:
-        What training looks up, its first state, and the network.
+        The problem.
     """
     generator = np.random.default_rng(0)
     scenes = []
     for number, places in enumerate(PLACES):
         room = open_room(places)
         features = generator.normal(size=(room.n_states, FEATURES)).astype(np.float32)
-        scenes.append(replace(room, name=f"{number}", features=features))
-    world = build_world(scenes, [number // 2 for number in range(len(scenes))])
+        scenes.append(replace(room, name=f"{number}", room_type=f"{number // 2}", features=features))
+    world = build_world(scenes)
     count = [4, 4, 3, 3, 3, 3]
     chosen = [
         Target(number, int(state))
         for number, scene in enumerate(scenes)
         for state in sorted(generator.choice(scene.n_states, count[number], replace=False))
     ]
-    targets = build_targets(scenes, chosen)
     longest = max(scene.n_states for scene in scenes)
     reward = LinearReward(
         weights=jnp.asarray(generator.normal(size=(len(chosen) * longest, DIMENSION)) / DIMENSION, jnp.float32),
         row=jnp.arange(len(chosen) * longest).reshape(len(chosen), longest),
-        features=world.features[:, :DIMENSION],
-        r_max=jnp.float32(1.0),
-        least_cost=jnp.float32(0.3),
+        phi=world.features[:, :DIMENSION],
+        form=LinearRewardForm(jnp.float32(1.0), jnp.float32(0.3), relative=True),
     )
-    network = network_of(settings, 3)
-    lane = worker_lanes(targets, world, 3, settings.workers)
-    learner = begin(jax.random.key(0), world, targets, lane, network, settings)
-    pairs = cheaper_pairs(world, targets, network, lane.first.size * settings.t_max // devices)
-    return Setting(world, targets, lane, reward, jnp.float32(10.0), pairs), learner, network
+    return TrainingProblem(world, build_targets(scenes, chosen), reward, CAP, frames=1, return_scale=10.0)
 
 
-def operations(setting: Setting, network: SiameseActorCritic, frames: int) -> float:
+def operations(inputs: UpdateInputs, network: SiameseActorCritic, frames: int) -> float:
     """Multiplications and additions of one update's products.
 
     Args:
-        setting: gives the number of states, targets and features.
+        inputs: gives the number of states, targets and features.
         network: gives the width.
         frames: frames of an update.
 
     Returns:
-        Their number. A product costs as much again for the gradient in its weights and in its input; features have no
-        gradient. The values behind the rollout are left out.
+        Their number. A product costs as much again for the gradient with respect to its weights and to its input;
+        features have no gradient. Frames that are evaluated one by one are evaluated once more for the gradient. The
+        values after the rollout are left out.
     """
-    states, features = setting.world.features.shape
-    width, targets = network.width, len(setting.targets.state)
-    encoded = min(states, frames)  # tables over all states, or every frame by itself
-    fused = encoded if network.history == 1 else frames
-    if network.history > 1 or frames < states:
-        encoded += targets
-    shared = 2 * 2 * encoded * network.history * features * width
-    fusion = 3 * 2 * (fused + targets) * width * width
-    computed = frames if setting.pairs is None else setting.pairs.count
-    heads = 3 * 2 * computed * width * (width + 5)
+    states, features = inputs.task.world.features.shape
+    width, targets = network.width, len(inputs.task.targets.state)
+    tables = network.history == 1 and states <= frames
+    again = 0 if tables or states <= frames else 1
+    encoded = min(states, frames)
+    fused = encoded if tables else frames
+    shared = 2 * ((2 + again) * encoded + 2 * (0 if tables else targets)) * network.history * features * width
+    fusion = 2 * ((3 if tables else 4) * fused + 3 * targets) * width * width
+    evaluated = 4 * frames if inputs.pairs is None else 3 * inputs.pairs.count
+    heads = 2 * evaluated * width * (width + 5)
     return float(shared + fusion + heads)
 
 
@@ -141,50 +135,49 @@ def rates(settings: SiameseSettings, repeats: int) -> list[Rate]:
     Returns:
         One row for each of the three.
     """
-    setting, learner, network = setting_of(settings)
-    workers = setting.lane.first.size
+    state, inputs, form = prepare(jax.random.key(0), benchmark_problem(), settings)
+    task, network = inputs.task, form.network
+    shape = task.target_range.first.shape
+    frames, length = task.target_range.first.size * settings.t_max, UPDATES * settings.t_max
     keys = iter(jax.random.split(jax.random.key(1), 4 * (repeats + 1)))
-
-    def indifferent(key: PRNGKeyArray, views: Array, target: Array) -> tuple[Array, None]:
-        return sample_action(key, jnp.zeros((*target.shape, 4))), None
 
     @jax.jit
     def environment(key: PRNGKeyArray):
-        episode, experience, sums = _roll(key, indifferent, setting, learner, UPDATES * settings.t_max)
-        return episode, experience.reward.sum(), sums
+        def advance(episode, key):
+            action_key, reset_key = jax.random.split(key)
+            action = jax.random.randint(action_key, shape, 0, 4)
+            after, transition = env.step(episode, action, task.world, task.targets, task.cap)
+            done = transition.terminated | transition.truncated
+            return env.select(done, env.reset_all(reset_key, task.targets, task.target_range), after), done.sum()
+
+        return jax.lax.scan(advance, state.workers.episode, jax.random.split(key, length))
 
     @jax.jit
     def acting(key: PRNGKeyArray, parameters):
-        frames = workers * settings.t_max
-        at, _ = passes(network, parameters, setting.world, setting.targets, setting.pairs, frames)
-        episode, experience, sums = _roll(key, sampling_actor(at), setting, learner, UPDATES * settings.t_max)
-        return episode, experience.reward.sum(), sums
+        if inputs.pairs is None:
+            forward, _ = through_frames(network, parameters, task.world, task.targets, frames)
+        else:
+            forward, _ = through_pairs(network, parameters, task.world, task.targets, inputs.pairs)
+
+        def act(key, memory, observation, target):
+            memory, views = observe_views(memory, observation)
+            return memory, sample_action(key, forward(views, target).logits), None
+
+        memory = initial_memory(shape, network.history)
+        workers, experience, sums = rollout(key, act, state.workers, task, memory, length)
+        return workers, experience.reward.sum(), sums
 
     def training():
-        return run_chunk(learner, setting, network=network, settings=settings, cap=CAP, updates=UPDATES)
+        return run_updates(state, inputs, form=form, updates=UPDATES)
 
-    frames = workers * settings.t_max * UPDATES
-    counted = UPDATES * operations(setting, network, frames // UPDATES)
     cases = {
         "environment": (lambda: environment(next(keys)), np.nan),
-        "acting": (lambda: acting(next(keys), learner.parameters), np.nan),
-        "training": (training, counted),
+        "acting": (lambda: acting(next(keys), state.parameters), np.nan),
+        "training": (training, UPDATES * operations(inputs, network, frames)),
     }
-    return [_rate(what, settings, frames, time_calls(call, repeats), work) for what, (call, work) in cases.items()]
-
-
-def _roll(key: PRNGKeyArray, actor, setting: Setting, learner: Learner, length: int):
-    return rollout(
-        key,
-        actor,
-        learner.episode,
-        setting.lane,
-        setting.world,
-        setting.targets,
-        setting.reward_model,
-        jnp.int32(CAP),
-        length,
-    )
+    return [
+        _rate(what, settings, UPDATES * frames, time_calls(call, repeats), work) for what, (call, work) in cases.items()
+    ]
 
 
 def _rate(what: str, settings: SiameseSettings, frames: int, timing: Timing, work: float) -> Rate:
@@ -228,7 +221,7 @@ def main(
         folder: where the table and the figure go.
         repeats: timed calls of each case after the first.
         workers: numbers of workers to sweep.
-        histories: numbers of views seen at once, with each of them.
+        histories: numbers of observed views, with each of them.
 
     Returns:
         The rows.

@@ -1,9 +1,9 @@
-"""Images per second of the encoder at 224x224, beside torch's CPU rate for the same network where torch is installed.
+"""Images per second of the encoder at 224x224, compared with the same network in torch where torch is installed.
 
-All run in turn in one process, on the same images, so that they meet the same load: torch in both of its memory
-layouts, with batch norms folded as ours are. Wall-clock time has the load of the machine in it, and programs of several
-threads do not suffer from it equally; processor time leaves out the time that others had the cores. On a busy machine
-read the processor times of one thread: `taskset -c 0 relm-irl bench encoder`.
+The programs take turns in one process on the same images, so that all run under the same load: this package, and torch
+in both of its memory layouts, with folded batch norms too. Wall-clock time depends on the load of the machine, and not
+equally for programs of several threads; processor time does not include other processes. On a busy machine compare the
+processor times of one thread: `taskset -c 0 relm-irl bench encoder`.
 """
 
 import time
@@ -14,13 +14,13 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, UInt8
+from jaxtyping import Float32, Float64
 from rich.table import Table
 
 from relm_irl_jax.benchmarks.timing import REPEATS, describe_machine
 from relm_irl_jax.features import weights
-from relm_irl_jax.features.encoder import DEVIATION, MEAN, Views, preprocess
-from relm_irl_jax.features.resnet import STAGES, ResNet50, layers, pooled
+from relm_irl_jax.features.encoder import IMAGENET_MEAN, IMAGENET_STD, Views, encode_batch
+from relm_irl_jax.features.resnet import STAGES, layers
 from relm_irl_jax.progress import console
 
 SIZE = 224
@@ -32,59 +32,62 @@ BATCH_SIZES = (8, 16, 32)
 
 @dataclass(frozen=True)
 class Timing:
-    """Seconds of each repeat of one program."""
+    """Times of one program in seconds.
 
-    wall: np.ndarray
-    processor: np.ndarray
+    Attributes:
+        wall: wall-clock time of each repeat.
+        processor: processor time of each repeat.
+    """
+
+    wall: Float64[np.ndarray, "repeat"]
+    processor: Float64[np.ndarray, "repeat"]
 
 
 def main() -> None:
-    """Print the table."""
+    """Measure and print the table."""
     state = weights.random_state_dict(seed=0)
-    params = jax.tree.map(jnp.asarray, weights.folded(state))
-    rivals = {"torch": torch_program(state, False), "torch channels last": torch_program(state, True)}
+    params = jax.tree.map(jnp.asarray, weights.fold_batch_norms(state))
+    references = {
+        "torch": torch_program(state, channels_last=False),
+        "torch channels last": torch_program(state, channels_last=True),
+    }
     table = Table(title=f"ResNet-50 at {SIZE}x{SIZE}, images/s\n{describe_machine()}")
     for heading in ("program", "batch", "wall median", "wall worst", "processor median"):
         table.add_column(heading, justify="left" if heading == "program" else "right")
     for batch in BATCH_SIZES:
         views = np.random.default_rng(0).integers(0, 256, (batch, SIZE, SIZE, 3), np.uint8)
-        programs: dict[str, Callable[[], object]] = {"relm_irl_jax": partial(ours, params, views)}
-        for name, rival in rivals.items():
-            if rival is not None:
-                programs[name] = partial(rival, views)
-                difference = np.abs(rival(views) - ours(params, views)).max()
+        programs: dict[str, Callable[[], object]] = {"relm_irl_jax": partial(encode_views, params, views)}
+        for name, reference in references.items():
+            if reference is not None:
+                programs[name] = partial(reference, views)
+                difference = np.abs(reference(views) - encode_views(params, views)).max()
                 console.print(f"batch {batch}: largest difference to {name} {difference:.1e}")
-        for name, timing in timed_in_turn(programs).items():
+        for name, timing in measure_in_turn(programs).items():
             seconds = (np.median(timing.wall), timing.wall.max(), np.median(timing.processor))
             table.add_row(name, str(batch), *(f"{batch / value:.1f}" for value in seconds))
     console.print(table)
-    if None in rivals.values():
+    if None in references.values():
         console.print("torch (extra `peers`) is not installed: no comparison")
 
 
-@jax.jit
-def _features(params: weights.Params, views: UInt8[Array, "view height width 3"]) -> Float[Array, "view 2048"]:
-    return pooled(ResNet50().bind({"params": params})(preprocess(views, SIZE)))
-
-
-def ours(params: weights.Params, views: Views) -> np.ndarray:
-    """Features of views by this package, on the host.
+def encode_views(params: weights.Params, views: Views) -> Float32[np.ndarray, "view 2048"]:
+    """Features of views by this package, copied to the host.
 
     Args:
         params: parameters of `ResNet50`.
         views: views.
     """
-    return np.asarray(_features(params, views))
+    return np.asarray(encode_batch(params, views, SIZE))
 
 
-def timed_in_turn(programs: dict[str, Callable[[], object]]) -> dict[str, Timing]:
-    """Time programs one after the other, over and over, so that all meet the same load of the machine.
+def measure_in_turn(programs: dict[str, Callable[[], object]]) -> dict[str, Timing]:
+    """Time programs in turn, repeatedly, so that all run under the same load; the first call of each is left out.
 
     Args:
-        programs: what to run, by name.
+        programs: the programs by name.
 
     Returns:
-        Seconds of each program.
+        Times by name.
     """
     wall: dict[str, list[float]] = {name: [] for name in programs}
     processor: dict[str, list[float]] = {name: [] for name in programs}
@@ -97,25 +100,25 @@ def timed_in_turn(programs: dict[str, Callable[[], object]]) -> dict[str, Timing
     return {name: Timing(np.asarray(wall[name][1:]), np.asarray(processor[name][1:])) for name in programs}
 
 
-def torch_program(state: weights.StateDict, channels_last: bool) -> Callable[[np.ndarray], np.ndarray] | None:
-    """The same network in torch, batch norms folded too; None where torch is not installed.
+def torch_program(state: weights.StateDict, *, channels_last: bool) -> Callable[[np.ndarray], np.ndarray] | None:
+    """The same network in torch, with folded batch norms; None where torch is not installed.
 
     Args:
         state: the weights.
-        channels_last: torch's memory layout: NHWC, or its default, NCHW.
+        channels_last: whether torch's memory layout is NHWC instead of its default, NCHW.
 
     Returns:
-        A function of uint8 views that gives features.
+        A function from uint8 views to features.
     """
     try:
         import torch
     except ImportError:
         return None
     layout = torch.channels_last if channels_last else torch.contiguous_format
-    mean, deviation = (torch.tensor(values)[:, None, None] for values in (MEAN, DEVIATION))
+    mean, deviation = (torch.tensor(values)[:, None, None] for values in (IMAGENET_MEAN, IMAGENET_STD))
     parameters = {}
     for layer in layers():
-        kernel, bias = weights.folded_layer(state, layer)
+        kernel, bias = weights.fold_layer(state, layer)
         parameters[layer.path] = torch.from_numpy(kernel).to(memory_format=layout), torch.from_numpy(bias)
 
     def convolve(x: "torch.Tensor", path: tuple[str, ...], stride: int = 1) -> "torch.Tensor":

@@ -1,8 +1,8 @@
-"""Maximum-margin problems a second: the fast path beside fresh cvxpy problems over w, and how it scales.
+"""Speed of maximum-margin inverse reinforcement learning: `solve_many` against fresh cvxpy problems, and its scaling.
 
-Writes `irl.csv` and `irl.png`, and prints the table. Trajectories are random start and target pairs of an
-open square room with random features; experts are built outside the timed part, factorisation and process
-start inside it.
+Writes `irl.csv` and `irl.png`, and prints the table. Problems are random pairs of start and target in an open square
+room with random features. Experts are computed before the timed part; factorising the features and starting the workers
+belong to it.
 """
 
 import csv
@@ -13,12 +13,13 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from joblib.externals.loky import get_reusable_executor
 from rich.console import Console
 from rich.table import Table
 
 from relm_irl_jax.benchmarks.axes import label_log_axes
 from relm_irl_jax.benchmarks.timing import describe_machine
-from relm_irl_jax.experts import shortest_path_expert, walk
+from relm_irl_jax.experts import follow_expert, shortest_path_expert
 from relm_irl_jax.irl import MaxMarginProblem, MaxMarginSettings, Solution, reference_max_margin, solve_many
 from relm_irl_jax.irl.problem import Variant
 from relm_irl_jax.scenes.scene import Scene, pose_graph, shortest_path_distances, successors
@@ -26,7 +27,7 @@ from relm_irl_jax.scenes.scene import Scene, pose_graph, shortest_path_distances
 
 @dataclass(frozen=True)
 class Case:
-    """What is solved."""
+    """Size and kind of the problems."""
 
     variant: Variant
     places: int
@@ -36,7 +37,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Measurement:
-    """One timed case."""
+    """One timed case; seconds are of all its problems, processor seconds include the workers'."""
 
     sweep: str
     variant: str
@@ -83,12 +84,14 @@ def random_problems(case: Case, seed: int) -> list[MaxMarginProblem]:
     """
     scene, generator = open_room(case.places), np.random.default_rng(seed)
     features = generator.normal(size=(scene.n_states, case.dimension)).astype(np.float32)
-    following = successors(scene.graph)
+    next_states = successors(scene.graph)
     problems = []
     for _ in range(case.trajectories):
         start, target = generator.choice(scene.n_states, 2, replace=False).tolist()
         expert = shortest_path_expert(scene, target)
-        problems.append(MaxMarginProblem(features, following, expert, walk(scene, expert, start).states[:-1]))
+        problems.append(
+            MaxMarginProblem(features, next_states, expert, follow_expert(scene, expert, start).states[:-1])
+        )
     return problems
 
 
@@ -96,22 +99,23 @@ def measure(sweep: str, case: Case, repeats: int, references: int) -> Measuremen
     """Time one case.
 
     Args:
-        sweep: what the case belongs to.
-        case: the case.
-        repeats: timed runs.
-        references: problems that cvxpy solves too; their objectives must agree.
+        sweep: the series of measurements that the case belongs to.
+        case: size and kind of the problems.
+        repeats: number of timed runs.
+        references: number of problems that cvxpy solves, too; the objectives must agree.
 
     Returns:
         The measurement.
     """
     problems = random_problems(case, seed=0)
-    settings = MaxMarginSettings(variant=case.variant, pure_share=False)
+    settings = MaxMarginSettings(variant=case.variant, compare_with_lp=False)
     seconds, processor, solutions = [], [], ()
     for _ in range(repeats):
-        begun, used = time.perf_counter(), _processor_seconds()
+        start, processor_start = time.perf_counter(), _processor_seconds()
         solutions = solve_many(problems, settings, description=f"{case.variant} {sweep}")
-        seconds.append(time.perf_counter() - begun)
-        processor.append(_processor_seconds() - used)
+        seconds.append(time.perf_counter() - start)
+        get_reusable_executor().shutdown()  # The next run starts its own workers; only ended ones are accounted for.
+        processor.append(_processor_seconds() - processor_start)
     each = _reference_seconds(problems[:references], solutions, settings) if references else np.nan
     return Measurement(
         sweep=sweep,
@@ -131,7 +135,7 @@ def measure(sweep: str, case: Case, repeats: int, references: int) -> Measuremen
 
 
 def _processor_seconds() -> float:
-    """Processor time of this process and of those that it has waited for."""
+    """Processor time of this process and of its ended child processes."""
     usages = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     return sum(usage.ru_utime + usage.ru_stime for usage in usages)
 
@@ -141,9 +145,9 @@ def _reference_seconds(
 ) -> float:
     seconds = []
     for problem, solution in zip(problems, solutions, strict=False):
-        begun = time.perf_counter()
+        start = time.perf_counter()
         reference = reference_max_margin(problem, settings)
-        seconds.append(time.perf_counter() - begun)
+        seconds.append(time.perf_counter() - start)
         np.testing.assert_allclose(solution.objective, reference.objective, rtol=1e-6)
     return float(np.median(seconds))
 
@@ -153,8 +157,8 @@ def main(folder: Path = Path("runs/bench/irl"), repeats: int = 3, references: in
 
     Args:
         folder: where the table and the figure go.
-        repeats: timed runs of each case.
-        references: problems of the headline that cvxpy solves too.
+        repeats: number of timed runs of each case.
+        references: number of problems of the headline cases that cvxpy solves, too.
 
     Returns:
         The measurements.
@@ -167,7 +171,7 @@ def main(folder: Path = Path("runs/bench/irl"), repeats: int = 3, references: in
         rows += [measure("states", replace(base, places=places), repeats, 0) for places in (25, 50, 100, 200)]
         rows += [measure("trajectories", replace(base, trajectories=n), repeats, 0) for n in (50, 100, 400, 800)]
     for dimension in (16, 32, 64, 128, 256, 512, 2048):
-        # From about half as many dimensions as states on, the programs are dense and large.
+        # With at least half as many dimensions as states, the programs are dense and large.
         count = 100 if dimension <= 128 else 20
         rows.append(measure("dimension", Case("lp-l2", 100, dimension, count), repeats, 0))
     with (folder / "irl.csv").open("w", newline="") as file:

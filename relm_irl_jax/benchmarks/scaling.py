@@ -18,10 +18,10 @@ import jax
 from rich.console import Console
 from rich.table import Table
 
-from relm_irl_jax.agent.settings import SiameseSettings
-from relm_irl_jax.agent.siamese.devices import over_devices
-from relm_irl_jax.agent.siamese.train import run_chunk
-from relm_irl_jax.benchmarks.agent import CAP, UPDATES, setting_of
+from relm_irl_jax.agents.settings import SiameseSettings
+from relm_irl_jax.agents.siamese.sharding import shard_workers
+from relm_irl_jax.agents.siamese.training import prepare, run_updates
+from relm_irl_jax.benchmarks.agent import UPDATES, benchmark_problem
 from relm_irl_jax.benchmarks.timing import describe_machine, time_calls
 from relm_irl_jax.progress import progress_bar
 
@@ -62,22 +62,18 @@ def scaled(settings: SiameseSettings, workers: int, repeats: int) -> Scaling:
     """
     devices = jax.device_count()
     settings = replace(settings, workers=workers * devices)
-    setting, learner, network = setting_of(settings, devices)
-    learner, setting = over_devices(learner, setting)
-    call = lambda: run_chunk(  # noqa: E731
-        learner, setting, network=network, settings=settings, cap=CAP, updates=UPDATES
-    )
-    timing = time_calls(call, repeats)
-    frames = setting.lane.first.size * settings.t_max * UPDATES
-    # What is summed over the devices: the gradient in θ, or in the four logits and the value of every pair.
+    state, inputs, form = prepare(jax.random.key(0), benchmark_problem(), settings, devices)
+    state, inputs = shard_workers(state, inputs, jax.devices())
+    timing = time_calls(lambda: run_updates(state, inputs, form=form, updates=UPDATES), repeats)
+    target_range = inputs.task.target_range
+    frames = target_range.first.size * settings.t_max * UPDATES
+    # Summed over the devices: the gradient with respect to θ, or to the four logits and the value of every pair.
     exchanged = (
-        sum(x.nbytes for x in jax.tree.leaves(learner.parameters))
-        if setting.pairs is None
-        else 5 * 4 * setting.pairs.count
+        sum(x.nbytes for x in jax.tree.leaves(state.parameters)) if inputs.pairs is None else 5 * 4 * inputs.pairs.count
     )
     return Scaling(
-        devices=len(setting.lane.first.sharding.device_set),
-        workers=setting.lane.first.size,
+        devices=len(target_range.first.sharding.device_set),
+        workers=target_range.first.size,
         first_seconds=round(timing.first, 3),
         update_seconds=round(timing.median / UPDATES, 5),
         frames_per_second=round(frames / timing.median),

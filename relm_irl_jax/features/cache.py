@@ -1,4 +1,4 @@
-"""Features on disk, keyed by all that they depend on: the views and the encoder's fingerprint."""
+"""Features on disk, under a key of all that they depend on: the views and the encoder's fingerprint."""
 
 import hashlib
 from pathlib import Path
@@ -17,19 +17,19 @@ from relm_irl_jax.progress import console
 def encode_cached(
     views: Views, encoder: Encoder, folder: Path, description: str = "encoding views"
 ) -> Float32[np.ndarray, "view 2048"]:
-    """Feature vectors of views, read from the folder if they are there and written there if not.
+    """Read the features of views from the cache folder, or encode the views and save their features there.
 
-    A file that cannot be read, or whose content does not match its checksum, is computed again with a notice.
-    Files are moved into place whole, so that several processes may share a folder.
+    A file that cannot be read, or does not match its checksum, is computed again with a notice. A file appears only
+    once it is complete, so several processes may share a folder.
 
     Args:
         views: views of one size.
         encoder: the encoder.
-        folder: where features are kept; created if missing.
-        description: what the progress bar calls this work.
+        folder: the cache folder; created if missing.
+        description: label of the progress bar.
 
     Returns:
-        One vector per view.
+        One vector for each view.
     """
     path = folder / f"{cache_key(views, encoder)}.safetensors"
     if path.exists():
@@ -43,7 +43,7 @@ def encode_cached(
 
 
 def cache_key(views: Views, encoder: Encoder) -> str:
-    """Name under which features are kept: 32 hexadecimal digits.
+    """Name of the file of features: 32 hexadecimal digits.
 
     Args:
         views: views of one size.
@@ -55,7 +55,7 @@ def cache_key(views: Views, encoder: Encoder) -> str:
 
 
 def _load(path: Path, n_views: int) -> np.ndarray:
-    """Read features, or raise an error that says what is wrong with them."""
+    """Read features; a ValueError where their shape, type or checksum is wrong."""
     with safe_open(path, framework="numpy") as file:
         features, checksum = file.get_tensor("features"), (file.metadata() or {}).get("sha256")
     if features.shape != (n_views, N_FEATURES) or features.dtype != np.float32:

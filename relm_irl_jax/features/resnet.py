@@ -9,11 +9,10 @@ A convolution followed by a batch norm with fixed statistics is one convolution 
 
     γ·(k * x − μ)/√(σ² + ε) + β  =  (γ/√(σ² + ε))·k * x  +  β − γμ/√(σ² + ε),
 
-so the network that encodes has no batch norm. While statistics are being calibrated it has:
-`ResNet50(calibrate=True)` normalises each layer by the batch in hand and records the mean and variance it
-used.
+so the network that encodes has no batch norm. `ResNet50(calibrate=True)` has: it normalises each layer by the batch
+and returns the mean and variance that it used.
 
-Images are NHWC. The smallest image is 32x32, which leaves a map of 1x1.
+Images are NHWC. The smallest image is 32x32, whose last feature map is 1x1.
 """
 
 from collections.abc import Iterator
@@ -27,23 +26,20 @@ STAGES = ((64, 3, 1), (128, 4, 2), (256, 6, 2), (512, 3, 2))
 """Width, number of blocks and stride of the four stages."""
 
 EXPANSION = 4
-"""Channels that a block gives out, as a multiple of its width."""
+"""Output channels of a block, as a multiple of its width."""
 
 N_FEATURES = STAGES[-1][0] * EXPANSION
 """Length of a feature vector: 2048."""
-
-MIN_SIZE = 32
-"""Smallest height and width of an image."""
 
 EPSILON = 1e-5
 """Batch norm's addition to the variance."""
 
 
 class Convolution(nn.Module):
-    """A convolution with a bias, or with the batch's own normalisation while statistics are calibrated."""
+    """A convolution with a bias, or with normalisation by the batch while statistics are calibrated."""
 
     features: int
-    size: int
+    kernel_size: int
     stride: int = 1
     calibrate: bool = False
 
@@ -51,11 +47,11 @@ class Convolution(nn.Module):
     def __call__(self, x: Float[Array, "view height width channel"]) -> Float[Array, "view rows columns feature"]:
         """Convolve."""
         use_bias = not self.calibrate
-        if self.size == 1:
-            # A 1x1 convolution is a matrix product over places, and XLA's is the faster of the two on a CPU.
+        if self.kernel_size == 1:
+            # A 1x1 convolution is a matrix product at each position, which XLA's CPU backend computes faster.
             x = nn.Dense(self.features, use_bias, name="convolution")(x[:, :: self.stride, :: self.stride])
         else:
-            kernel, padding = (self.size, self.size), self.size // 2
+            kernel, padding = (self.kernel_size, self.kernel_size), self.kernel_size // 2
             convolution = nn.Conv(self.features, kernel, self.stride, padding, use_bias=use_bias, name="convolution")
             x = convolution(x)
         if self.calibrate:
@@ -85,13 +81,13 @@ class Bottleneck(nn.Module):
 
 
 class ResNet50(nn.Module):
-    """Images, normalised by ImageNet's mean and deviation, to the last map: 7x7x2048 for 224x224."""
+    """Images, normalised by ImageNet's mean and deviation, to the last feature map: 7x7x2048 for 224x224."""
 
     calibrate: bool = False
 
     @nn.compact
     def __call__(self, x: Float[Array, "view height width 3"]) -> Float[Array, "view rows columns 2048"]:
-        """Compute the map."""
+        """Compute the feature map."""
         x = nn.relu(Convolution(64, 7, 2, calibrate=self.calibrate, name="conv1")(x))
         x = nn.max_pool(x, (3, 3), (2, 2), padding=((1, 1), (1, 1)))
         for stage, (width, blocks, stride) in enumerate(STAGES, start=1):
@@ -107,20 +103,20 @@ class Layer:
     """One of the 53 convolutions with its batch norm.
 
     Attributes:
-        path: where the `Convolution` lies in the module's tree of parameters.
+        path: path of the `Convolution` in the tree of parameters.
         convolution: torchvision's name of the convolution, for example `layer1.0.conv1`.
-        normalisation: torchvision's name of the batch norm, for example `layer1.0.bn1`.
-        shape: the kernel's shape as torch has it: (out, in, height, width).
+        batch_norm: torchvision's name of the batch norm, for example `layer1.0.bn1`.
+        shape: shape of torch's kernel: (out, in, height, width).
     """
 
     path: tuple[str, ...]
     convolution: str
-    normalisation: str
+    batch_norm: str
     shape: tuple[int, int, int, int]
 
 
 def layers() -> Iterator[Layer]:
-    """All convolutions, in the order in which an image meets them."""
+    """All convolutions, from input to output."""
     yield Layer(("conv1",), "conv1", "bn1", (64, 3, 7, 7))
     channels = 64
     for stage, (width, blocks, _) in enumerate(STAGES, start=1):
@@ -128,14 +124,21 @@ def layers() -> Iterator[Layer]:
             name, out = f"layer{stage}.{block}", width * EXPANSION
             shapes = ((width, channels, 1, 1), (width, width, 3, 3), (out, width, 1, 1))
             for number, shape in enumerate(shapes, start=1):
-                convolution, normalisation = f"{name}.conv{number}", f"{name}.bn{number}"
-                yield Layer((name, f"conv{number}"), convolution, normalisation, shape)
+                convolution, batch_norm = f"{name}.conv{number}", f"{name}.bn{number}"
+                yield Layer((name, f"conv{number}"), convolution, batch_norm, shape)
             if block == 0:
                 shape = (out, channels, 1, 1)
                 yield Layer((name, "downsample"), f"{name}.downsample.0", f"{name}.downsample.1", shape)
             channels = out
 
 
-def pooled(maps: Float[Array, "view rows columns feature"]) -> Float[Array, "view feature"]:
-    """Mean over the places of a map (global average pooling)."""
+def global_average_pool(maps: Float[Array, "view rows columns feature"]) -> Float[Array, "view feature"]:
+    """Mean over the positions of each feature map.
+
+    Args:
+        maps: feature maps.
+
+    Returns:
+        One number for each feature.
+    """
     return jnp.mean(maps, axis=(1, 2))

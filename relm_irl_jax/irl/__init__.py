@@ -1,6 +1,7 @@
-"""Inverse reinforcement learning: reward weights from expert trajectories.
+"""Inverse reinforcement learning: reward weights from the behaviour of an expert.
 
-Names are imported when they are first used, so that the solver's processes load neither JAX nor cvxpy.
+`max_margin` and `solve_many` solve the paper's maximum-margin problem (Eq. 1-8); `learn_weights` offers other methods,
+too. Names are imported on first use, so that the workers of `solve_many` load neither JAX nor cvxpy.
 """
 
 from typing import TYPE_CHECKING
@@ -9,33 +10,33 @@ from relm_irl_jax.lazy import on_first_use
 
 if TYPE_CHECKING:
     from relm_irl_jax.irl.expectations import feature_expectations as feature_expectations
-    from relm_irl_jax.irl.methods import MethodSettings as MethodSettings
-    from relm_irl_jax.irl.methods import learn as learn
+    from relm_irl_jax.irl.methods import IrlMethodSettings as IrlMethodSettings
+    from relm_irl_jax.irl.methods import learn_weights as learn_weights
+    from relm_irl_jax.irl.parallel import solve_many as solve_many
     from relm_irl_jax.irl.problem import MaxMarginProblem as MaxMarginProblem
     from relm_irl_jax.irl.problem import MaxMarginSettings as MaxMarginSettings
-    from relm_irl_jax.irl.problem import Solution as Solution
-    from relm_irl_jax.irl.problem import Status as Status
     from relm_irl_jax.irl.problem import relative_features as relative_features
     from relm_irl_jax.irl.problem import reward as reward
     from relm_irl_jax.irl.reference import reference_max_margin as reference_max_margin
+    from relm_irl_jax.irl.solution import Solution as Solution
+    from relm_irl_jax.irl.solution import Status as Status
     from relm_irl_jax.irl.solver import max_margin as max_margin
-    from relm_irl_jax.irl.solver import solve_many as solve_many
 
-_HOME = {
+_MODULES = {
     "feature_expectations": "expectations",
-    "MethodSettings": "methods",
-    "learn": "methods",
+    "IrlMethodSettings": "methods",
+    "learn_weights": "methods",
+    "solve_many": "parallel",
     "MaxMarginProblem": "problem",
     "MaxMarginSettings": "problem",
-    "Solution": "problem",
-    "Status": "problem",
     "relative_features": "problem",
     "reward": "problem",
     "reference_max_margin": "reference",
+    "Solution": "solution",
+    "Status": "solution",
     "max_margin": "solver",
-    "solve_many": "solver",
 }
 
-__all__ = sorted(_HOME)
+__all__ = sorted(_MODULES)
 
-__getattr__ = on_first_use(__name__, _HOME)
+__getattr__ = on_first_use(__name__, _MODULES)

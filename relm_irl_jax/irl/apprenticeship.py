@@ -1,72 +1,75 @@
-"""Apprenticeship learning (Abbeel and Ng, 2004): a reward under which no known policy comes close to the
-expert.
+"""Apprenticeship learning (Abbeel and Ng, 2004): weights under which no policy found so far is close to the expert.
 
-With μ(π) the feature expectations of a policy, averaged over the starts S₀, and μ_E the expert's, each round
-asks which w tells the expert best from the policies found so far, and adds the policy that is optimal under
-that w:
+Let μ(π) be the feature expectations of a policy, averaged over the states S₀, and μ_E the expert's. Each round chooses
+the w that separates the expert best from the policies found so far, and adds the policy that is optimal under w:
 
-- `projection`: w = μ_E − μ̄, and μ̄ moves to the point nearest to μ_E on the line from μ̄ to the new policy's
-μ;
-- `max-margin`: w = μ_E − μ̄ with μ̄ the point nearest to μ_E in the convex hull of all policies' μ, which is
-  the direction of max t subject to w·μ_E ≥ w·μ_j + t, ‖w‖ ≤ 1.
+- `projection`: w = μ_E − μ̄, after μ̄ has moved to the point nearest to μ_E on the segment from μ̄ to the new policy's μ;
+- `max-margin`: w = μ_E − μ̄, with μ̄ the point nearest to μ_E in the convex hull of all policies' μ. This is the
+  direction of the maximum of t subject to w·μ_E ≥ w·μ_j + t and ‖w‖ ≤ 1.
 
-The margin t = ‖w‖ falls to 0. The paper then mixes policies; a reward is wanted here, so the w is returned
-whose own optimal policy came closest to the expert. All features are relative to the target's, see
-`problem.py`.
+The margin t = ‖w‖ falls to 0. Abbeel and Ng then mix the policies. Here a reward is wanted instead: the result is the
+w whose own optimal policy came closest to the expert. All features are relative to the target's, see `problem.py`.
 """
 
 from typing import Literal
 
 import numpy as np
+from jaxtyping import Float64
 from pydantic import PositiveFloat, PositiveInt
 from pydantic.dataclasses import dataclass as settings_dataclass
+from scipy.sparse import csc_array
 
-from relm_irl_jax.irl.control import bounded_solution, optimal_policy, policy_walk, simplex_program
-from relm_irl_jax.irl.expectations import feature_expectations
-from relm_irl_jax.irl.problem import MaxMarginProblem, Solution, Status, check_problem, relative_features
+from relm_irl_jax.irl.clarabel_solver import minimise_quadratic
+from relm_irl_jax.irl.expectations import mean_feature_expectations
+from relm_irl_jax.irl.policy_iteration import next_states, optimal_policy
+from relm_irl_jax.irl.problem import MaxMarginProblem, check_problem, relative_features
+from relm_irl_jax.irl.solution import Solution, Status, normalised_solution
 
 
 @settings_dataclass(frozen=True)
 class ApprenticeshipSettings:
-    """How apprenticeship learning proceeds."""
+    """Variant and limits of apprenticeship learning."""
 
     variant: Literal["projection", "max-margin"] = "projection"
     """How the next w is chosen."""
     rounds: PositiveInt = 100
-    """Most policies to try."""
+    """Maximum number of policies."""
     tolerance: PositiveFloat = 1e-6
-    """Distance from the expert's feature expectations, relative to the first policy's, at which to stop."""
+    """Distance from μ_E at which to stop, relative to the first policy's distance."""
 
 
 def apprenticeship(
     problem: MaxMarginProblem,
     settings: ApprenticeshipSettings | None = None,
+    *,
     discount: float = 0.99,
     r_max: float = 1.0,
 ) -> Solution:
     """Learn weights by apprenticeship learning.
 
     Args:
-        problem: the expert and the starts.
-        settings: variant and limits; the defaults where None.
+        problem: the expert and the states S₀.
+        settings: variant and limits; the defaults if None.
         discount: γ.
         r_max: size of the largest reward.
 
     Returns:
-        The solution. Its gap is the distance of the best policy's feature expectations from the expert's,
-        relative to the first policy's; a hull that reaches the expert while no single policy does is called
-        inaccurate.
+        The solution. Its gap is the best policy's distance from μ_E, relative to the first policy's. It is called
+        inaccurate if a mixture of policies reaches μ_E but no single policy does.
+
+    Raises:
+        InputError: the problem is ill posed.
     """
     settings = settings or ApprenticeshipSettings()
     check_problem(problem)
-    target, starts = problem.expert.target, np.unique(problem.states)
+    target, states = problem.expert.target, np.unique(problem.states)
     relative = relative_features(problem.features, target)
 
     def expectation(next_state):
-        return feature_expectations(relative, next_state, discount)[starts].mean(axis=0)
+        return mean_feature_expectations(relative, next_state, discount, states)
 
     expert = expectation(problem.expert.next_state)
-    # The first policy stays where it is.
+    # The first policy never moves.
     found = [expectation(np.arange(len(relative), dtype=np.int32))]
     mean = found[0]
     first = float(np.linalg.norm(expert - mean))
@@ -76,8 +79,8 @@ def apprenticeship(
         hull = float(np.linalg.norm(w))
         if hull <= settings.tolerance * first:
             break
-        action = optimal_policy(np.repeat((relative @ w)[:, None], 4, axis=1), problem.successors, target, discount)
-        own = expectation(policy_walk(problem.successors, target, action))
+        action = optimal_policy(relative @ w, problem.successors, target, discount)
+        own = expectation(next_states(problem.successors, target, action))
         distance = float(np.linalg.norm(expert - own))
         if distance < best_distance:
             best, best_distance = w, distance
@@ -90,10 +93,22 @@ def apprenticeship(
             mean = mean + np.clip(length, 0.0, 1.0) * step
         else:
             away = np.stack([expert - policy for policy in found])
-            mean = expert - simplex_program(away @ away.T, np.zeros(len(found))) @ away
+            mean = expert - _shortest_mixture(away @ away.T) @ away
     gap = best_distance / first if first > 0.0 else 0.0
     if gap <= settings.tolerance:
         status = Status.OPTIMAL
     else:
         status = Status.INACCURATE if hull <= 1e-2 * first else Status.NOT_CONVERGED
-    return bounded_solution(problem, best, status, discount, r_max, gap)
+    return normalised_solution(problem, best, status, discount=discount, r_max=r_max, gap=gap)
+
+
+def _shortest_mixture(gram: Float64[np.ndarray, "n n"]) -> Float64[np.ndarray, "n"]:
+    """The weights a ≥ 0 with Σa = 1 that minimise ½aᵀQa, for the Gram matrix Q of vectors: their shortest mixture."""
+    n = len(gram)
+    rows = csc_array(np.vstack([np.ones((1, n)), -np.eye(n)]))
+    right_side = np.concatenate([[1.0], np.zeros(n)])
+    # Divided by the size of Q, so that the solver's tolerances remain meaningful for policies close to each other.
+    size = max(float(np.abs(gram).max()), 1e-300)
+    _, point, _, _ = minimise_quadratic(csc_array(gram / size), np.zeros(n), rows, right_side, equalities=1)
+    weights = np.maximum(point, 0.0)
+    return weights / weights.sum()

@@ -1,13 +1,13 @@
-"""A primal-dual interior-point method that uses the shape of the maximum-margin program.
+"""Mehrotra's primal-dual interior-point method, specialised to the maximum-margin program.
 
-A general solver factorises the sparse system of all constraints, thousands of rows for a program of 64
-unknowns. Here the margins t and all slacks are eliminated by hand. With x = (c, t), slacks s, multipliers z
-and weights z/s, what is left of Mehrotra's Newton step is one positive definite matrix of the size of c,
+A general solver factorises the sparse system of all constraints, thousands of rows for a program of 64 unknowns. Here
+the margins t and all slacks are eliminated analytically. With slacks s, dual variables z and weights ω = z/s, each
+Newton step needs one positive definite matrix of the size of c,
 
-    K = P + Bᵀ diag(ω) B + Σ_s Σ_{i of s} ω_i (m_i − m̄_s)(m_i − m̄_s)ᵀ,    m̄_s = Σ ω_i m_i / Σ ω_i,
+    K = P + Bᵀ diag(ω) B + Σ_k Σ_{i of margin k} ω_i (m_i − m̄_k)(m_i − m̄_k)ᵀ,    m̄_k = Σ ω_i m_i / Σ ω_i,
 
-where eliminating a state's t has centred its margin rows m_i by their weighted mean. One symmetric product
-and one Cholesky factorisation a step, two solves with it.
+where the margin rows m_i are centred by their weighted mean because t_k is eliminated. A step costs one symmetric
+product, one Cholesky factorisation and two solves.
 """
 
 from typing import NamedTuple
@@ -17,21 +17,21 @@ from jaxtyping import Float64
 from scipy.linalg.blas import dsyrk  # pyrefly: ignore[missing-module-attribute]
 from scipy.linalg.lapack import dpotrf, dpotrs  # pyrefly: ignore[missing-module-attribute]
 
-from relm_irl_jax.irl.program import Multipliers, Program
+from relm_irl_jax.irl.convex_program import ConvexProgram, DualVariables
 
-STEPS = 80
+MAX_STEPS = 80
 """Newton steps before giving up."""
 
-LIFTS = (0.0, 1e-15, 1e-13, 1e-11)
-"""What is added to K's diagonal, relative to its largest entry, until rounding no longer hides that K is positive
-definite. A lifted step is less exact; the certificate judges where such steps lead."""
+DIAGONAL_SHIFTS = (0.0, 1e-15, 1e-13, 1e-11)
+"""Shifts of K's diagonal, relative to its largest entry, tried in turn until rounding errors leave K positive definite.
+Shifted steps are less exact; the certificate judges the point that they lead to."""
 
 TOLERANCE = 1e-9
-"""Complementarity and residuals, relative to the objective's and the bounds' size, at which to stop."""
+"""Complementarity and residuals at which to stop, relative to the size of the objective and of the bounds."""
 
 
 class _Newton(NamedTuple):
-    """What the two directions of a step share: the factorised K and the residuals."""
+    """What the predictor and the corrector of a step share: the factorised K, ω, its sums and means, the residuals."""
 
     factor: Float64[np.ndarray, "rank rank"]
     weight: Float64[np.ndarray, "constraints"]
@@ -42,53 +42,54 @@ class _Newton(NamedTuple):
     dual_t: Float64[np.ndarray, "margins"]
 
 
-def interior_point(program: Program) -> tuple[Float64[np.ndarray, "rank"], Multipliers]:
-    """Solve a program.
+def solve_by_interior_point(program: ConvexProgram) -> tuple[Float64[np.ndarray, "rank"], DualVariables]:
+    """Solve a program by the interior-point method.
 
     Args:
-        program: the program; rewards must have one sign where |r| is penalised.
+        program: the program. If |r| is penalised, the bounds must not let rewards be positive.
 
     Returns:
-        c and the multipliers, to be judged by their certificate; where a step breaks down, those before it.
+        The point c and the dual variables, the last ones found if a step fails. `ConvexProgram.dual_bound` certifies
+        them.
     """
-    rows, owner = program.stacked_rows()
+    rows, margin_index = program.rows_with_penalty()
     m = rows if isinstance(rows, np.ndarray) else rows.toarray()
-    first = np.flatnonzero(np.r_[True, owner[1:] != owner[:-1]])
+    first_row = np.flatnonzero(np.r_[True, margin_index[1:] != margin_index[:-1]])
     basis, quadratic = program.basis, program.quadratic
     n, k, n_margins = len(program.lower), program.rank, program.n_margins
     ones = np.ones(n)
-    linear = program.absolute * (ones if basis is None else ones @ basis)  # −λ₁ Σ|r| = λ₁ Σ r for r ≤ 0.
-    bounds = np.concatenate([program.upper, -program.lower, np.zeros(len(owner))])
+    linear = program.l1_weight * (ones if basis is None else ones @ basis)  # −λ₁ Σ|r| = λ₁ Σ r if r ≤ 0.
+    bounds = np.concatenate([program.upper, -program.lower, np.zeros(len(margin_index))])
     size = float(np.max(program.upper - program.lower))
 
-    def forward(c, t):
+    def constraints(c, t):  # The left side of Bc ≤ upper, −Bc ≤ −lower and t − Mc ≤ 0.
         r = c if basis is None else basis @ c
-        return np.concatenate([r, -r, t[owner] - m @ c])
+        return np.concatenate([r, -r, t[margin_index] - m @ c])
 
-    def backward(z):
-        held = z[:n] - z[n : 2 * n]
-        return (held if basis is None else held @ basis) - z[2 * n :] @ m, np.add.reduceat(z[2 * n :], first)
+    def transposed(z):
+        price = z[:n] - z[n : 2 * n]
+        return (price if basis is None else price @ basis) - z[2 * n :] @ m, np.add.reduceat(z[2 * n :], first_row)
 
     def direction(step, s, z, complement):
-        right_c, right_t = backward(complement / s - step.weight * step.primal)
+        right_c, right_t = transposed(complement / s - step.weight * step.primal)
         right_c, right_t = right_c - step.dual_c, right_t - step.dual_t
-        # The margins' own equations: total·dt − Σ ω_i m_i·dc = right_t.
+        # The margins' own equations: Σω·dt − Σ ω_i m_i·dc = right_t.
         dc, _ = dpotrs(step.factor, right_c + right_t @ step.mean, lower=1)
         dt = right_t / step.total + step.mean @ dc
-        ds = -step.primal - forward(dc, dt)
+        ds = -step.primal - constraints(dc, dt)
         return dc, dt, ds, -(complement + z * ds) / s
 
     c, t = np.zeros(k), np.full(n_margins, -size)
-    s = np.maximum(bounds - forward(c, t), size)
+    s = np.maximum(bounds - constraints(c, t), size)
     z = np.ones(len(bounds))
     matrix, diagonal = np.empty((k, k), order="F"), np.arange(k)
-    stacked = np.empty((len(owner) + (0 if basis is None else n), k))
-    for _ in range(STEPS):
-        gradient_c, gradient_t = backward(z)
+    stacked = np.empty((len(margin_index) + (0 if basis is None else n), k))
+    for _ in range(MAX_STEPS):
+        gradient_c, gradient_t = transposed(z)
         dual_c, dual_t = gradient_c - linear, gradient_t - 1.0
         if quadratic is not None:
             dual_c += quadratic @ c
-        primal = forward(c, t) + s - bounds
+        primal = constraints(c, t) + s - bounds
         gap = float(s @ z)
         scale = max(1.0, abs(float(t.sum())))
         if (
@@ -98,38 +99,38 @@ def interior_point(program: Program) -> tuple[Float64[np.ndarray, "rank"], Multi
         ):
             break
         weight = z / s
-        total = np.add.reduceat(weight[2 * n :], first)
-        mean = np.add.reduceat(weight[2 * n :, None] * m, first) / total[:, None]
-        held = weight[:n] + weight[n : 2 * n]
-        np.multiply(np.sqrt(weight[2 * n :])[:, None], m - mean[owner], out=stacked[-len(owner) :])
+        row_total = np.add.reduceat(weight[2 * n :], first_row)
+        row_mean = np.add.reduceat(weight[2 * n :, None] * m, first_row) / row_total[:, None]
+        bound_weight = weight[:n] + weight[n : 2 * n]
+        np.multiply(np.sqrt(weight[2 * n :])[:, None], m - row_mean[margin_index], out=stacked[-len(margin_index) :])
         if basis is not None:
-            np.multiply(np.sqrt(held)[:, None], basis, out=stacked[:n])
+            np.multiply(np.sqrt(bound_weight)[:, None], basis, out=stacked[:n])
         matrix[:] = 0.0 if quadratic is None else quadratic
         matrix = dsyrk(1.0, stacked.T, beta=1.0, c=matrix, lower=1, overwrite_c=1)
         if basis is None:
-            matrix[diagonal, diagonal] += held
-        own = matrix[diagonal, diagonal].copy()
-        for lift in LIFTS:
-            matrix[diagonal, diagonal] = own + lift * own.max()
+            matrix[diagonal, diagonal] += bound_weight
+        unshifted = matrix[diagonal, diagonal].copy()
+        for shift in DIAGONAL_SHIFTS:
+            matrix[diagonal, diagonal] = unshifted + shift * unshifted.max()
             factor, failed = dpotrf(matrix, lower=1, clean=0)
             if not failed:
                 break
         else:
             break
 
-        step = _Newton(factor, weight, total, mean, primal, dual_c, dual_t)
+        step = _Newton(factor, weight, row_total, row_mean, primal, dual_c, dual_t)
         _, _, ds, dz = direction(step, s, z, s * z)
-        length = min(_reach(s, ds), _reach(z, dz), 1.0)
+        length = min(_longest_step(s, ds), _longest_step(z, dz), 1.0)
         sigma = (float((s + length * ds) @ (z + length * dz)) / gap) ** 3
         dc, dt, ds, dz = direction(step, s, z, s * z + ds * dz - sigma * gap / len(s))
-        length = min(0.995 * min(_reach(s, ds), _reach(z, dz)), 1.0)
+        length = min(0.995 * min(_longest_step(s, ds), _longest_step(z, dz)), 1.0)
         if not np.isfinite(length) or length < 1e-10:
             break
         c, t, s, z = c + length * dc, t + length * dt, s + length * ds, z + length * dz
-    return c, Multipliers(margins=z[2 * n :], rewards=z[:n] - z[n : 2 * n] - program.absolute)
+    return c, DualVariables(margins=z[2 * n :], rewards=z[:n] - z[n : 2 * n] - program.l1_weight)
 
 
-def _reach(value: Float64[np.ndarray, "n"], step: Float64[np.ndarray, "n"]) -> float:
-    """How far along the step all values stay positive."""
+def _longest_step(value: Float64[np.ndarray, "n"], step: Float64[np.ndarray, "n"]) -> float:
+    """The largest step length at which all values stay nonnegative."""
     falling = step < 0.0
     return float(np.min(-value[falling] / step[falling])) if falling.any() else np.inf

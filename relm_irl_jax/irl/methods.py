@@ -1,4 +1,4 @@
-"""The sources of w behind one interface, `learn`."""
+"""All methods of inverse reinforcement learning behind one function, `learn_weights`, and one settings class."""
 
 from collections.abc import Sequence
 from typing import Literal
@@ -7,52 +7,56 @@ from pydantic.dataclasses import dataclass as settings_dataclass
 
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.irl.apprenticeship import ApprenticeshipSettings, apprenticeship
-from relm_irl_jax.irl.maxent import MaxEntSettings, maximum_entropy
-from relm_irl_jax.irl.planning import PlanningSettings, maximum_margin_planning
-from relm_irl_jax.irl.problem import MaxMarginProblem, MaxMarginSettings, Solution, Status, unsolved
-from relm_irl_jax.irl.solver import solve_many
+from relm_irl_jax.irl.max_entropy import MaxEntropySettings, max_entropy
+from relm_irl_jax.irl.max_margin_planning import MaxMarginPlanningSettings, max_margin_planning
+from relm_irl_jax.irl.parallel import solve_many
+from relm_irl_jax.irl.problem import MaxMarginProblem, MaxMarginSettings
+from relm_irl_jax.irl.solution import Solution, Status, unsolved
 from relm_irl_jax.progress import progress_bar
 
-Method = Literal["max-margin", "apprenticeship", "planning", "maxent"]
+Method = Literal["max-margin", "apprenticeship", "max-margin-planning", "max-entropy"]
 
 
 @settings_dataclass(frozen=True)
-class MethodSettings:
-    """Which method of inverse reinforcement learning gives w, and its settings."""
+class IrlMethodSettings:
+    """The method of inverse reinforcement learning, and the settings of each method.
+
+    Settings that need it together with fields of their own can inherit from this class.
+    """
 
     method: Method = "max-margin"
-    """`max-margin` (the paper's), `apprenticeship` (Abbeel and Ng), `planning` (Ratliff) or `maxent`
-    (Ziebart)."""
-    program: MaxMarginSettings = MaxMarginSettings()
-    """The maximum-margin program; its discount and r_max hold for all methods."""
+    """`max-margin` (the paper's), `apprenticeship` (Abbeel and Ng, 2004), `max-margin-planning` (Ratliff et al., 2006)
+    or `max-entropy` (Ziebart et al., 2008)."""
+    max_margin: MaxMarginSettings = MaxMarginSettings()
+    """The maximum-margin method. All methods use its `discount` and `r_max`."""
     apprenticeship: ApprenticeshipSettings = ApprenticeshipSettings()
     """Apprenticeship learning."""
-    planning: PlanningSettings = PlanningSettings()
+    max_margin_planning: MaxMarginPlanningSettings = MaxMarginPlanningSettings()
     """Maximum-margin planning."""
-    maxent: MaxEntSettings = MaxEntSettings()
-    """Maximum-entropy IRL."""
+    max_entropy: MaxEntropySettings = MaxEntropySettings()
+    """Maximum-entropy inverse reinforcement learning."""
 
 
-def learn(
+def learn_weights(
     problems: Sequence[MaxMarginProblem],
-    settings: MethodSettings | None = None,
+    settings: IrlMethodSettings | None = None,
     processes: int | None = None,
     description: str = "inverse RL",
 ) -> tuple[Solution, ...]:
-    """Learn weights for many problems by the method of one's choice.
+    """Learn reward weights for many problems by a method of choice.
 
     Args:
         problems: the problems; those of one scene should share their arrays.
-        settings: the method; the maximum-margin program where None.
-        processes: solver processes of the maximum-margin program, the other methods use this one.
+        settings: the method; the maximum-margin method if None.
+        processes: workers of the maximum-margin method, see `solve_many`; the other methods run in this process.
         description: the progress bar's text.
 
     Returns:
-        One solution per problem. One that cannot be stated or solved has a named status and a message.
+        One solution per problem. If a problem is ill posed or cannot be solved, its status and message say so.
     """
-    settings = settings or MethodSettings()
+    settings = settings or IrlMethodSettings()
     if settings.method == "max-margin":
-        return solve_many(problems, settings.program, processes, description)
+        return solve_many(problems, settings.max_margin, processes, description)
     solutions = []
     with progress_bar(description, len(problems), "problems") as advance:
         for problem in problems:
@@ -61,13 +65,13 @@ def learn(
     return tuple(solutions)
 
 
-def _learn_one(problem: MaxMarginProblem, settings: MethodSettings) -> Solution:
-    discount, r_max = settings.program.discount, settings.program.r_max
+def _learn_one(problem: MaxMarginProblem, settings: IrlMethodSettings) -> Solution:
+    shared = {"discount": settings.max_margin.discount, "r_max": settings.max_margin.r_max}
     try:
         if settings.method == "apprenticeship":
-            return apprenticeship(problem, settings.apprenticeship, discount, r_max)
-        if settings.method == "planning":
-            return maximum_margin_planning(problem, settings.planning, discount, r_max)
-        return maximum_entropy(problem, settings.maxent, discount, r_max)
+            return apprenticeship(problem, settings.apprenticeship, **shared)
+        if settings.method == "max-margin-planning":
+            return max_margin_planning(problem, settings.max_margin_planning, **shared)
+        return max_entropy(problem, settings.max_entropy, **shared)
     except InputError as error:
         return unsolved(problem, Status.INVALID, str(error))

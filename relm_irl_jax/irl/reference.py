@@ -1,18 +1,11 @@
-"""The paper's problem in cvxpy, over w, as it would be written on paper: the reference for the fast path."""
+"""The paper's maximum-margin problem in cvxpy, over w and written as in the paper: a reference for `solver.py`."""
 
 import cvxpy as cp
 import numpy as np
 
 from relm_irl_jax.irl.expectations import feature_expectations
-from relm_irl_jax.irl.problem import (
-    MaxMarginProblem,
-    MaxMarginSettings,
-    Solution,
-    Status,
-    check_problem,
-    relative_features,
-    unsolved,
-)
+from relm_irl_jax.irl.problem import MaxMarginProblem, MaxMarginSettings, check_problem, relative_features
+from relm_irl_jax.irl.solution import Solution, Status, unsolved
 
 _STATUS = {
     cp.OPTIMAL: Status.OPTIMAL,
@@ -25,18 +18,18 @@ _STATUS = {
 
 
 def reference_max_margin(problem: MaxMarginProblem, settings: MaxMarginSettings | None = None) -> Solution:
-    """Solve one maximum-margin problem as the paper states it; slow, and meant to be read.
+    """Solve one maximum-margin problem as the paper states it (Eq. 3, 7 and 8); slow, and meant to be read.
 
     Args:
         problem: the problem.
-        settings: how it is stated; the defaults where None.
+        settings: form, regulariser and constants; the defaults if None.
 
     Returns:
-        The solution. Its w is some optimal one, not the one of least norm; the share of the pure program is
-        not asked.
+        The solution. Its w is some optimal one, not the one of least norm. The share of the linear program and the
+        duality gap are not computed.
 
     Raises:
-        InputError: the problem cannot be stated.
+        InputError: the problem is ill posed.
     """
     settings = settings or MaxMarginSettings()
     check_problem(problem, settings)
@@ -45,20 +38,20 @@ def reference_max_margin(problem: MaxMarginProblem, settings: MaxMarginSettings 
     relative = relative_features(features, expert.target)
     value = feature_expectations(relative, expert.next_state, settings.discount)
     compared = expert.suboptimal | (expert.better if settings.penalty > 1.0 else False)
-    asked = np.unique(problem.states)
+    visited = np.unique(problem.states)
 
     w = cp.Variable(features.shape[1])
     margins, states = [], []
-    for state in asked:
+    for state in visited:
         advantage = value[expert.next_state[state]] - value[following[state, compared[state]]]
         if len(advantage):
-            margins.append(cp.min(advantage @ w))  # Eq. 8: the sub-optimal action closest to the optimal one.
+            margins.append(cp.min(advantage @ w))  # Eq. 8: the best suboptimal action.
             states.append(state)
     if not margins:
         return unsolved(problem, Status.NO_DECISION)
     margin = cp.hstack(margins)
     gain = cp.sum(cp.minimum(margin, settings.penalty * margin))
-    weight = settings.regularisation * len(asked)
+    weight = settings.regularisation * len(visited)
     if settings.form == "cost":
         bounded = relative @ w
         bounds = [bounded <= 0.0, bounded >= -settings.r_max]
@@ -70,8 +63,7 @@ def reference_max_margin(problem: MaxMarginProblem, settings: MaxMarginSettings 
     elif settings.variant == "lp-l1":
         gain -= weight * cp.norm1(bounded)
     program = cp.Problem(cp.Maximize(gain), bounds)
-    # A simplex solver where it can: for d > |S| the optimal w are unbounded, and interior points drift along
-    # them.
+    # A simplex method if possible: for d > |S| the set of optimal w is unbounded, and interior points diverge in it.
     program.solve(solver=cp.CLARABEL if settings.variant == "lp-l2" else cp.HIGHS)
     status = _STATUS.get(program.status, Status.NOT_CONVERGED)
     if w.value is None or margin.value is None:

@@ -6,120 +6,110 @@ from typing import Literal
 
 import numpy as np
 
-from relm_irl_jax.report.tables import METHOD_NAMES, METRIC_NAMES, Cell, by_seed, methods_of, summarise
+from relm_irl_jax.report.intervals import MeanInterval, paired_difference
+from relm_irl_jax.report.names import METHOD_NAMES, metric_name
+from relm_irl_jax.report.tables import MEAN, by_seed, methods_of
+from relm_irl_jax.results import Results, Task
 
 OURS = "relm-irl"
 """The method that is compared."""
 
-RIVALS = ("rl", "irl", "elm-irl")
+BASELINES = ("rl", "irl", "elm-irl")
 """The methods that it is compared with."""
 
 Verdict = Literal["ahead of", "behind", "not distinguishable from"]
 
-SMALLEST = 0.0005
+SMALLEST_DIFFERENCE = 0.0005
 """A mean difference below this is shown as 0.000, and decides nothing."""
 
 
 @dataclass(frozen=True)
-class Difference:
-    """RELM-IRL minus another method, paired over seeds.
+class PairedDifference:
+    """RELM-IRL minus another method, paired over seeds and averaged over room types.
 
     Attributes:
         task: `I`, `II` or `III`.
-        rival: the other method.
+        baseline: the other method.
         metric: `sr` or `spl`, more is better in both.
-        value: mean difference and its 95% interval (Student's t over seeds).
+        value: mean difference and its 95% interval.
         seeds: number of seeds that both have.
     """
 
     task: str
-    rival: str
+    baseline: str
     metric: str
-    value: Cell
+    value: MeanInterval
     seeds: int
 
     @property
     def verdict(self) -> Verdict:
-        """`ahead of` or `behind` where the difference is `decided`."""
-        if not decided(self.value):
+        """`ahead of` or `behind` where the difference is significant."""
+        if not is_significant(self.value):
             return "not distinguishable from"
         return "ahead of" if self.value.mean > 0 else "behind"
 
 
-def decided(value: Cell) -> bool:
-    """Whether a difference's interval excludes zero, and the difference is not below `SMALLEST`.
+def is_significant(difference: MeanInterval) -> bool:
+    """Whether a difference's interval excludes zero, and the difference is not below `SMALLEST_DIFFERENCE`.
 
     Args:
-        value: the difference; one seed has no interval and decides nothing.
+        difference: the difference; one seed has no interval and decides nothing.
 
     Returns:
         Whether it does.
     """
-    return abs(value.mean) > max(value.half_width, SMALLEST)
+    return abs(difference.mean) > max(difference.half_width, SMALLEST_DIFFERENCE)
 
 
-def marked(value: Cell) -> str:
-    """A difference for a table, bold where it is `decided`.
-
-    Args:
-        value: the difference.
-
-    Returns:
-        Markdown.
-    """
-    return f"**{signed(value)}**" if decided(value) else signed(value)
-
-
-def signed(value: Cell) -> str:
+def signed(difference: MeanInterval) -> str:
     """A difference with its sign.
 
     Args:
-        value: the difference.
+        difference: the difference.
 
     Returns:
         Text such as `+0.110 ± 0.062`.
     """
-    text = f"{value.mean:+.3f}".replace("-", "−")
-    return text if np.isnan(value.half_width) else f"{text} ± {value.half_width:.3f}"
+    text = f"{difference.mean:+.3f}".replace("-", "−")
+    return text if np.isnan(difference.half_width) else f"{text} ± {difference.half_width:.3f}"
 
 
-def paired(first: Mapping[int, float], second: Mapping[int, float]) -> tuple[Cell, int]:
-    """Mean difference over the seeds that both have.
+def markdown_difference(difference: MeanInterval) -> str:
+    """A difference for a table, bold where it is significant.
 
     Args:
-        first: values by seed.
-        second: values by seed, subtracted.
+        difference: the difference.
 
     Returns:
-        The difference, and the number of seeds.
+        Markdown.
     """
-    seeds = sorted(first.keys() & second.keys())
-    return summarise([first[seed] - second[seed] for seed in seeds]), len(seeds)
+    return f"**{signed(difference)}**" if is_significant(difference) else signed(difference)
 
 
-def differences(results: Mapping[str, dict]) -> list[Difference]:
-    """Compare RELM-IRL with every rival on every task.
+def differences(results: Mapping[Task, Results]) -> list[PairedDifference]:
+    """Compare RELM-IRL with every baseline on every task.
 
     Args:
-        results: contents of `results.json` by task.
+        results: metrics by task.
 
     Returns:
-        The differences of SR and SPL, averaged over room types.
+        The differences of SR and SPL over at least two paired seeds; one seed decides nothing.
     """
     found = []
-    for task, record in results.items():
-        rows = record["rows"]
-        present = methods_of(rows)
-        for rival in RIVALS if OURS in present else ():
-            if rival not in present:
+    for task, of_task in results.items():
+        present = methods_of(of_task.rows)
+        for baseline in BASELINES if OURS in present else ():
+            if baseline not in present:
                 continue
             for metric in ("sr", "spl"):
-                value, seeds = paired(by_seed(rows, OURS, metric, "mean"), by_seed(rows, rival, metric, "mean"))
-                found.append(Difference(task, rival, metric, value, seeds))
+                ours, theirs = (by_seed(of_task.rows, method, metric, MEAN) for method in (OURS, baseline))
+                value, seeds = paired_difference(ours, theirs)
+                if seeds > 1:
+                    found.append(PairedDifference(task, baseline, metric, value, seeds))
     return found
 
 
-def difference_columns(found: Sequence[Difference]) -> dict[str, list]:
+def difference_columns(found: Sequence[PairedDifference]) -> dict[str, list]:
     """Differences as columns.
 
     Args:
@@ -131,7 +121,7 @@ def difference_columns(found: Sequence[Difference]) -> dict[str, list]:
     return {
         "task": [d.task for d in found],
         "first": [OURS for _ in found],
-        "second": [d.rival for d in found],
+        "second": [d.baseline for d in found],
         "metric": [d.metric for d in found],
         "mean": [d.value.mean for d in found],
         "half_width": [d.value.half_width for d in found],
@@ -139,8 +129,8 @@ def difference_columns(found: Sequence[Difference]) -> dict[str, list]:
     }
 
 
-def difference_table(found: Sequence[Difference]) -> str:
-    """Differences for the report; those whose interval excludes zero are bold.
+def difference_table(found: Sequence[PairedDifference]) -> str:
+    """Differences for the report; significant ones are bold.
 
     Args:
         found: the differences.
@@ -148,16 +138,15 @@ def difference_table(found: Sequence[Difference]) -> str:
     Returns:
         A Markdown table.
     """
-    rows = dict.fromkeys((d.task, d.rival) for d in found)
-    values = {(d.task, d.rival, d.metric): d for d in found}
+    values = {(d.task, d.baseline, d.metric): d.value for d in found}
     lines = ["| Task | Difference | SR | SPL |", "|---|---|---:|---:|"]
-    for task, rival in rows:
-        shown = [marked(values[task, rival, metric].value) for metric in ("sr", "spl")]
-        lines.append(f"| {task} | {METHOD_NAMES[OURS]} − {METHOD_NAMES[rival]} | {' | '.join(shown)} |")
+    for task, baseline in dict.fromkeys((d.task, d.baseline) for d in found):
+        shown = [markdown_difference(values[task, baseline, metric]) for metric in ("sr", "spl")]
+        lines.append(f"| {task} | {METHOD_NAMES[OURS]} − {METHOD_NAMES[baseline]} | {' | '.join(shown)} |")
     return "\n".join(lines)
 
 
-def statement(found: Sequence[Difference]) -> list[str]:
+def statement(found: Sequence[PairedDifference]) -> list[str]:
     """Say where RELM-IRL is ahead, behind, or neither, by the intervals alone.
 
     Args:
@@ -166,21 +155,21 @@ def statement(found: Sequence[Difference]) -> list[str]:
     Returns:
         One sentence a task; a single one where there are too few seeds.
     """
-    if not found or min(d.seeds for d in found) < 2:
+    if not found:
         return ["One seed says nothing about differences between methods; run more."]
     sentences = []
     for task in dict.fromkeys(d.task for d in found):
         parts = []
-        for rival in dict.fromkeys(d.rival for d in found if d.task == task):
-            own = [d for d in found if (d.task, d.rival) == (task, rival)]
-            verdicts: dict[str, list[str]] = {}
-            for d in own:
-                name = METRIC_NAMES[d.metric].split()[0]
-                verdicts.setdefault(d.verdict, []).append(f"{name} {signed(d.value)}")
-            said = " and ".join(
-                f"{verdict} {METHOD_NAMES[rival] if n == 0 else 'it'} ({', '.join(values)})"
-                for n, (verdict, values) in enumerate(verdicts.items())
+        for baseline in dict.fromkeys(d.baseline for d in found if d.task == task):
+            by_verdict: dict[str, list[str]] = {}
+            for d in found:
+                if (d.task, d.baseline) == (task, baseline):
+                    by_verdict.setdefault(d.verdict, []).append(f"{metric_name(d.metric)} {signed(d.value)}")
+            parts.append(
+                " and ".join(
+                    f"{verdict} {METHOD_NAMES[baseline] if number == 0 else 'it'} ({', '.join(values)})"
+                    for number, (verdict, values) in enumerate(by_verdict.items())
+                )
             )
-            parts.append(said)
         sentences.append(f"Task {task}: {METHOD_NAMES[OURS]} is {'; '.join(parts)}.")
     return sentences

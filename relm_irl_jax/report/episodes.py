@@ -1,89 +1,110 @@
-"""Maps of episodes: the way an agent took, a shortest way, and what it was shown as its target."""
+"""Maps of episodes: the path that an agent took, a shortest path, and the view that it was shown as its target."""
 
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Int32
 from matplotlib.axes import Axes
 from matplotlib.collections import PatchCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from relm_irl_jax.experts import shortest_path_expert, walk
-from relm_irl_jax.scenes.scene import GRID_STEP, Scene
+from relm_irl_jax.report.names import method_name, target_name
+from relm_irl_jax.saved_maps import SavedEpisode
+from relm_irl_jax.scenes.scene import GRID_STEP
+
+COLUMNS = 3
+"""Most episodes beside each other."""
+
+PATH_COLOUR = "#1f6fd6"
+TARGET_COLOUR = "#d62728"
 
 
-def episode_maps(episodes: Sequence[tuple[Scene, Int32[np.ndarray, "steps+1"], int]], title: str) -> Figure:
-    """Draw one episode a scene from above, the target's view beneath.
+def episode_figure(episodes: Sequence[SavedEpisode]) -> Figure:
+    """Draw episodes from above, the target's view beneath each.
 
     Args:
-        episodes: scene with views, the states walked, and the target's state.
-        title: title of the figure.
+        episodes: one a scene.
 
     Returns:
         The figure.
     """
-    figure = Figure(figsize=(4.2 * len(episodes), 6.4), layout="constrained")
-    panels = figure.subplots(2, len(episodes), squeeze=False, height_ratios=(2, 1))
-    for column, (scene, states, target) in enumerate(episodes):
-        _map(panels[0, column], scene, states, target)
-        panels[1, column].imshow(scene.views[target])
-        panels[1, column].set_axis_off()
-        panels[1, column].set_title("the target's view", fontsize=9)
-    panels[0, 0].legend(loc="upper left", bbox_to_anchor=(0, -0.12), ncols=3, frameon=False, fontsize=8)
-    figure.suptitle(title)
+    columns = min(COLUMNS, len(episodes))
+    rows = -(-len(episodes) // columns)
+    figure = Figure(figsize=(3.6 * columns, 5.8 * rows), layout="constrained")
+    panels = figure.subplots(2 * rows, columns, squeeze=False, height_ratios=(2, 1) * rows)
+    for panel in panels.flat:
+        panel.set_axis_off()
+    for number, episode in enumerate(episodes):
+        above, beneath = panels[2 * (number // columns) :, number % columns][:2]
+        _draw(above, episode)
+        beneath.imshow(episode.target_view)
+        beneath.set_title(f"target: {target_name(episode.target, episode.category)}", fontsize=9)
+    handles, labels = figure.axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False, fontsize=9)
     return figure
 
 
-def episode_table(episodes: Sequence[tuple[Scene, Int32[np.ndarray, "steps+1"], int]]) -> dict[str, list]:
+def episode_caption(episodes: Sequence[SavedEpisode], task: str) -> str:
+    """What a figure of episodes shows.
+
+    Args:
+        episodes: the episodes, all of one method and seed.
+        task: the task.
+
+    Returns:
+        A caption.
+    """
+    first = episodes[0]
+    shown = "; ".join(f"{e.poses.name}, target {target_name(e.target, e.category)}" for e in episodes)
+    return f"The first episodes of {method_name(first.method)}, seed {first.seed}, on Task {task}: {shown}"
+
+
+def episode_columns(episodes: Sequence[SavedEpisode]) -> dict[str, list]:
     """What the maps show, as a table.
 
     Args:
-        episodes: scene, the states walked, and the target's state.
+        episodes: one a scene.
 
     Returns:
-        Columns: scene, what the row is (a free place, the way taken, a shortest way, the target), the step along a way,
-        place in metres, and heading in degrees.
+        Columns for `write_table`: scene, what the row is (a free place, the path taken, a shortest path, the target),
+        the step along a path, place in metres, and heading in degrees.
     """
     rows = []
-    for scene, states, target in episodes:
-        for kind, drawn in (
-            ("place", np.unique(scene.location, axis=0, return_index=True)[1]),
-            ("taken", states),
-            ("shortest", _shortest(scene, states, target)),
-            ("target", [target]),
+    for episode in episodes:
+        poses = episode.poses
+        for kind, states in (
+            ("place", np.unique(poses.location, axis=0, return_index=True)[1]),
+            ("taken", episode.path),
+            ("shortest", episode.shortest_path),
+            ("target", [episode.target]),
         ):
-            steps = range(len(drawn)) if kind in ("taken", "shortest") else [""] * len(drawn)
+            steps = range(len(states)) if kind in ("taken", "shortest") else [""] * len(states)
             rows += [
-                (scene.name, kind, step, *scene.location[state].tolist(), float(scene.rotation[state]))
-                for step, state in zip(steps, drawn, strict=True)
+                (poses.name, kind, step, *poses.location[state].tolist(), float(poses.rotation[state]))
+                for step, state in zip(steps, states, strict=True)
             ]
     return dict(zip(("scene", "kind", "step", "x", "z", "rotation"), map(list, zip(*rows, strict=True)), strict=True))
 
 
-def _shortest(scene: Scene, states: Int32[np.ndarray, "steps+1"], target: int) -> Int32[np.ndarray, "least+1"]:
-    """States along a shortest way from where the walk began."""
-    return walk(scene, shortest_path_expert(scene, target), int(states[0])).states
-
-
-def _map(panel: Axes, scene: Scene, states: Int32[np.ndarray, "steps+1"], target: int) -> None:
-    shortest = _shortest(scene, states, target)
-    corners = np.unique(scene.location, axis=0) - 0.46 * GRID_STEP
+def _draw(panel: Axes, episode: SavedEpisode) -> None:
+    """Draw the room from above with both paths, the start's and the target's headings."""
+    location, rotation = episode.poses.location, episode.poses.rotation
+    corners = np.unique(location, axis=0) - 0.46 * GRID_STEP
     squares = [Rectangle((x, z), 0.92 * GRID_STEP, 0.92 * GRID_STEP) for x, z in corners]
     panel.add_collection(PatchCollection(squares, facecolor="#e8e8e8", edgecolor="none"))
-    panel.plot(*scene.location[shortest].T, color="#999999", lw=5, alpha=0.6, label="a shortest way")
-    panel.plot(*scene.location[states].T, color="#1f6fd6", lw=1.6, label="way taken")
-    panel.plot(*scene.location[states[0]], "o", color="#1f6fd6", markersize=8)
-    panel.plot(*scene.location[target], "*", color="#d62728", markersize=14, markeredgecolor="white", label="target")
-    for state, colour in ((int(states[0]), "#1f6fd6"), (target, "#d62728")):
-        heading = np.deg2rad(scene.rotation[state])
-        tip = scene.location[state] + 1.5 * GRID_STEP * np.array([np.sin(heading), np.cos(heading)])
-        arrow = {"arrowstyle": "->", "color": colour, "lw": 1.6}
-        panel.annotate("", tip, scene.location[state], arrowprops=arrow)
+    panel.plot(*location[episode.shortest_path].T, color="#999999", lw=5, alpha=0.6, label="a shortest path")
+    panel.plot(*location[episode.path].T, color=PATH_COLOUR, lw=1.6, label="path taken")
+    start, target = int(episode.path[0]), episode.target
+    panel.plot(*location[start], "o", color=PATH_COLOUR, markersize=8)
+    style = {"color": TARGET_COLOUR, "markersize": 14, "markeredgecolor": "white", "linestyle": "none"}
+    panel.plot(*location[target], "*", label="target", **style)
+    for state, colour in ((start, PATH_COLOUR), (target, TARGET_COLOUR)):
+        heading = np.deg2rad(rotation[state])
+        tip = location[state] + 1.5 * GRID_STEP * np.array([np.sin(heading), np.cos(heading)])
+        panel.annotate("", tip, location[state], arrowprops={"arrowstyle": "->", "color": colour, "lw": 1.6})
         panel.update_datalim([tip])
-    steps, least = len(states) - 1, len(shortest) - 1
-    outcome = f"found in {steps} steps" if int(states[-1]) == target else f"not found in {steps} steps"
-    panel.set(title=f"{scene.name}: {outcome} (shortest {least})", aspect="equal")
-    panel.title.set_fontsize(10)
+    steps, shortest = len(episode.path) - 1, len(episode.shortest_path) - 1
+    outcome = f"{'found in' if episode.success else 'not found in'} {steps} steps"
+    panel.set_title(f"{episode.poses.name}: {outcome}\n(shortest {shortest})", fontsize=10)
+    panel.set_aspect("equal")
     panel.margins(0.08)
-    panel.set_axis_off()

@@ -1,17 +1,19 @@
-"""Figures of a run: learning curves, bars of a metric, the PRESS curve; each is saved with its table."""
+"""Figures of a run: bars of a metric, the PRESS curve; and how a figure is saved with its table."""
 
 import io
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float64
 from matplotlib.figure import Figure
 
-from relm_irl_jax.files import write_bytes
-from relm_irl_jax.report.curves import Curve, band
-from relm_irl_jax.report.tables import METHOD_NAMES, Cell, summarise
-from relm_irl_jax.runs import write_table
+from relm_irl_jax.errors import InputError
+from relm_irl_jax.files import read_numbers, write_bytes, write_table
+from relm_irl_jax.report.intervals import MeanInterval, mean_interval
+from relm_irl_jax.report.names import method_name
 
 FIGURE_DPI = 150
 """Dots an inch of the PNG files."""
@@ -26,8 +28,31 @@ COLOURS = {
 }
 """One colour a method; black, blue and red as in the paper's Figure 6."""
 
+OTHER_COLOUR = "#8c3fc0"
+"""Colour of methods that the paper does not know."""
 
-def save_figure(figure: Figure, path: Path, table: Mapping[str, Sequence | np.ndarray]) -> None:
+
+@dataclass(frozen=True)
+class DrawnFigure:
+    """A figure of the report.
+
+    Attributes:
+        path: the PNG file.
+        title: a few words on what it shows, read out where it cannot be seen.
+        caption: what it shows: which method, scene and target.
+    """
+
+    path: Path
+    title: str
+    caption: str
+
+
+def method_colour(method: str) -> str:
+    """The colour of a method."""
+    return COLOURS.get(method, OTHER_COLOUR)
+
+
+def save_figure(figure: Figure, path: Path, table: Mapping[str, Any]) -> None:
     """Write a figure as PNG, and what it shows as CSV beside it.
 
     Args:
@@ -41,42 +66,11 @@ def save_figure(figure: Figure, path: Path, table: Mapping[str, Sequence | np.nd
     write_bytes(path, buffer.getvalue())
 
 
-CURVE_METRICS = {"path_length_error": "PLE in actions", "success_rate": "SR", "spl": "SPL"}
-"""Columns of a learning curve that are drawn, with their labels."""
-
-
-def learning_curves(curves: Mapping[str, Sequence[Curve]], metrics: Sequence[str] = tuple(CURVE_METRICS)) -> Figure:
-    """Path length error, success rate and SPL during training (the paper's Figure 6 shows the first).
-
-    Args:
-        curves: for each method, the learning curve of each seed, as columns of text.
-        metrics: columns to draw, one panel each.
-
-    Returns:
-        The figure: means over seeds, and bands of 95% intervals where there are several.
-    """
-    figure = Figure(figsize=(0.6 + 3.5 * len(metrics), 3.6), layout="constrained")
-    panels = figure.subplots(1, len(metrics), squeeze=False)[0]
-    for panel, metric in zip(panels, metrics, strict=True):
-        for method, seeds in curves.items():
-            drawn = band(seeds, metric)
-            frames = drawn.frames / 1e6
-            panel.plot(frames, drawn.mean, color=COLOURS[method], lw=1.3, label=METHOD_NAMES[method])
-            low, high = drawn.mean - drawn.half_width, drawn.mean + drawn.half_width
-            panel.fill_between(frames, low, high, color=COLOURS[method], alpha=0.18, lw=0)
-        panel.set(xlabel="training frames in millions", ylabel=CURVE_METRICS[metric], xlim=(0, None), ylim=(0, None))
-        panel.grid(alpha=0.25)
-    panels[0].legend(frameon=False)
-    if len(metrics) > 1:
-        figure.suptitle("Episodes that ended during training, on the training targets", fontsize=10)
-    return figure
-
-
-def bar_figure(cells: Mapping[str, Sequence[Cell]], columns: Sequence[str], label: str) -> Figure:
+def bar_figure(bars: Mapping[str, Sequence[MeanInterval]], columns: Sequence[str], label: str) -> Figure:
     """Methods side by side with error bars, one group a room type (the paper's Figure 11).
 
     Args:
-        cells: for each method, one cell a column.
+        bars: for each method, one value a column.
         columns: what the groups are called.
         label: name of the vertical axis.
 
@@ -85,19 +79,38 @@ def bar_figure(cells: Mapping[str, Sequence[Cell]], columns: Sequence[str], labe
     """
     figure = Figure(figsize=(5.6, 3.4), layout="constrained")
     panel = figure.subplots()
-    width = 0.8 / len(cells)
-    for number, (method, own) in enumerate(cells.items()):
-        place = np.arange(len(columns)) + (number - (len(cells) - 1) / 2) * width
-        error = [0.0 if np.isnan(cell.half_width) else cell.half_width for cell in own]
-        means = [cell.mean for cell in own]
-        panel.bar(place, means, 0.92 * width, yerr=error, capsize=3, color=COLOURS[method], label=METHOD_NAMES[method])
+    width = 0.8 / len(bars)
+    for number, (method, own) in enumerate(bars.items()):
+        place = np.arange(len(columns)) + (number - (len(bars) - 1) / 2) * width
+        means = [value.mean for value in own]
+        error = [value.half_width for value in own]
+        name = method_name(method)
+        panel.bar(place, means, 0.92 * width, yerr=error, capsize=3, color=method_colour(method), label=name)
     panel.set_xticks(np.arange(len(columns)), columns)
     panel.set(ylabel=label, ylim=(0, None))
-    panel.legend(frameon=False)
+    figure.legend(loc="outside upper center", ncols=len(bars), frameon=False)
     return figure
 
 
-def press_figure(curves: Sequence[Float[np.ndarray, "neurons"]]) -> Figure:
+def load_press_curve(path: Path) -> Float64[np.ndarray, "neurons"]:
+    """Read a curve of leave-one-out errors.
+
+    Args:
+        path: the CSV file.
+
+    Returns:
+        Mean squared leave-one-out error of each prefix of the ordered neurons; not finite where there is none.
+
+    Raises:
+        InputError: the file is missing or damaged, or no error is finite.
+    """
+    error = read_numbers(path, ["mean_squared_error"])["mean_squared_error"]
+    if not np.isfinite(error).any():
+        raise InputError(f"{path}: column `mean_squared_error` holds no finite number; restore the file, or remove it.")
+    return error
+
+
+def press_figure(curves: Sequence[Float64[np.ndarray, "_"]]) -> Figure:
     """Leave-one-out error against the number of neurons, its minimum marked (the paper's Figure 9).
 
     Args:
@@ -108,15 +121,12 @@ def press_figure(curves: Sequence[Float[np.ndarray, "neurons"]]) -> Figure:
     """
     figure = Figure(figsize=(6, 3.6), layout="constrained")
     panel = figure.subplots()
-    chosen = [press_minimum(curve) for curve in curves]
-    for curve, best in zip(curves, chosen, strict=True):
-        panel.plot(
-            np.arange(1, len(curve) + 1), curve, color=COLOURS["relm-irl"], lw=1.3, alpha=max(0.4, 1 / len(curves))
-        )
+    for curve in curves:
+        best, neurons = press_minimum(curve), np.arange(1, len(curve) + 1)
+        panel.plot(neurons, curve, color=method_colour("relm-irl"), lw=1.3, alpha=max(0.4, 1 / len(curves)))
         panel.plot(best, curve[best - 1], "o", color="black", markersize=4)
-    kept = summarise([float(best) for best in chosen])
-    panel.set_title(f"{kept.mean:.0f}{'' if np.isnan(kept.half_width) else f' ± {kept.half_width:.0f}'} neurons kept")
-    panel.title.set_fontsize(10)
+    kept = mean_interval([float(press_minimum(curve)) for curve in curves])
+    panel.set_title(f"{kept:.0f} neurons kept", fontsize=10)
     finite = np.concatenate([curve[np.isfinite(curve)] for curve in curves])
     panel.set(xlabel="neurons in MRSR order", ylabel="mean squared leave-one-out error", xlim=(0, None), yscale="log")
     panel.set_ylim(finite.min() * 0.9, min(finite.max(), finite.min() * 100) * 1.1)
@@ -124,12 +134,19 @@ def press_figure(curves: Sequence[Float[np.ndarray, "neurons"]]) -> Figure:
     return figure
 
 
-def press_minimum(curve: Float[np.ndarray, "neurons"]) -> int:
-    """Number of neurons with the least leave-one-out error."""
-    return int(np.nanargmin(curve)) + 1
+def press_minimum(curve: Float64[np.ndarray, "neurons"]) -> int:
+    """Number of neurons with the least leave-one-out error.
+
+    Args:
+        curve: the errors, at least one of them finite.
+
+    Returns:
+        The number.
+    """
+    return int(np.argmin(np.where(np.isfinite(curve), curve, np.inf))) + 1
 
 
-def press_columns(curves: Sequence[Float[np.ndarray, "neurons"]]) -> dict[str, np.ndarray]:
+def press_columns(curves: Sequence[Float64[np.ndarray, "_"]]) -> dict[str, np.ndarray]:
     """What `press_figure` shows, as a table.
 
     Args:

@@ -2,10 +2,13 @@
 
 import base64
 import html
-import re
+from collections.abc import MutableMapping, Sequence
 from pathlib import Path
 
 from markdown_it import MarkdownIt
+from markdown_it.renderer import RendererHTML
+from markdown_it.token import Token
+from markdown_it.utils import OptionsDict
 from PIL import Image
 
 from relm_irl_jax.report.figures import FIGURE_DPI
@@ -20,6 +23,7 @@ STYLE = """
 :root { color-scheme: light dark; }
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 68rem; margin: 0 auto; padding: 1rem; }
 h1, h2 { line-height: 1.2; margin-top: 2rem; }
+figure { margin: 1rem 0 0.4rem; }
 img { max-width: 100%; height: auto; background: white; border-radius: 4px; }
 .table, .wide { overflow-x: auto; }
 .table { margin: 1rem 0; }
@@ -40,16 +44,17 @@ def render_page(text: str, folder: Path) -> str:
     """Render a report written in Markdown.
 
     Args:
-        text: the Markdown; pictures are named relative to the folder.
+        text: the Markdown; pictures are named relative to the folder. One that cannot be read is replaced by a line
+            that says so.
         folder: where the pictures lie.
 
     Returns:
         A whole HTML page that needs no other file.
     """
-    body = MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
-    body = re.sub("<table>.*?</table>", lambda found: _table(found[0]), body, flags=re.DOTALL)
-    picture = r'<p><img src="([^"]+)"([^>]*)></p>'
-    body = re.sub(picture, lambda found: _picture(folder / found[1], found[2].rstrip(" /")), body)
+    markdown = MarkdownIt("commonmark", {"html": False}).enable("table")
+    for name, rule in RULES.items():
+        markdown.add_render_rule(name, rule)
+    body = markdown.render(text, {"folder": folder})
     title = html.escape(text.splitlines()[0].lstrip("# "))
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
@@ -58,18 +63,63 @@ def render_page(text: str, folder: Path) -> str:
     )
 
 
-def _table(table: str) -> str:
+def _open_table(self: RendererHTML, tokens: Sequence[Token], index: int, *_: object) -> str:
     """A table in a box that scrolls by itself; long names of its rows are broken into lines."""
-    names = re.findall("<tr>\\s*<td[^>]*>([^<]*)</td>", table)
+    end = next(i for i in range(index, len(tokens)) if tokens[i].type == "table_close")
+    names = [tokens[i + 2].content for i in range(index, end) if [t.type for t in tokens[i : i + 2]] == FIRST_CELL]
     shape = "table described" if max(map(len, names), default=0) > LONG_NAME else "table"
-    return f'<div class="{shape}">{table}</div>'
+    return f'<div class="{shape}"><table>\n'
 
 
-def _picture(path: Path, rest: str) -> str:
+def _close_table(self: RendererHTML, *_: object) -> str:
+    return "</table></div>\n"
+
+
+def _open_paragraph(
+    self: RendererHTML, tokens: Sequence[Token], index: int, options: OptionsDict, env: MutableMapping
+) -> str:
+    """A paragraph; no tag around a picture, which has its own."""
+    return "" if _is_picture(tokens[index + 1]) else self.renderToken(tokens, index, options, env)
+
+
+def _close_paragraph(
+    self: RendererHTML, tokens: Sequence[Token], index: int, options: OptionsDict, env: MutableMapping
+) -> str:
+    return "\n" if _is_picture(tokens[index - 1]) else self.renderToken(tokens, index, options, env)
+
+
+def _picture(self: RendererHTML, tokens: Sequence[Token], index: int, options: OptionsDict, env: MutableMapping) -> str:
     """A PNG picture that lies in the page itself; a wide one scrolls within its own box on a narrow screen."""
-    with Image.open(path) as picture:
-        width, height = picture.size
-    content = base64.b64encode(path.read_bytes()).decode()
-    shape = "wide" if width > 1.8 * height else "figure"
+    token = tokens[index]
+    path = env["folder"] / str(token.attrs["src"])
+    try:
+        content = path.read_bytes()
+        with Image.open(path) as picture:
+            width, height = picture.size
+    except OSError:
+        return f"<p>{html.escape(str(token.attrs['src']))} cannot be read, and is not shown.</p>"
+    shape = "wide" if width > 1.8 * height else "narrow"
     shown = round(width * SCREEN_DPI / FIGURE_DPI)
-    return f'<div class="{shape}"><img width="{shown}" src="data:image/png;base64,{content}"{rest}></div>'
+    data = base64.b64encode(content).decode()
+    alternative = html.escape(token.content)
+    return (
+        f'<figure class="{shape}"><img width="{shown}" src="data:image/png;base64,{data}" alt="{alternative}"></figure>'
+    )
+
+
+def _is_picture(token: Token) -> bool:
+    """Whether the content of a paragraph is a picture and nothing else."""
+    return [child.type for child in token.children or ()] == ["image"]
+
+
+FIRST_CELL = ["tr_open", "td_open"]
+"""Tokens before the text of a row's first cell."""
+
+RULES = {
+    "table_open": _open_table,
+    "table_close": _close_table,
+    "paragraph_open": _open_paragraph,
+    "paragraph_close": _close_paragraph,
+    "image": _picture,
+}
+"""Renderers of the tokens that the page shows in its own way."""

@@ -1,101 +1,185 @@
 """Maps of values over a room, seen from above: rewards, and distances to a target."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float64
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
-from relm_irl_jax.scenes.scene import GRID_STEP, HEADINGS, Scene
+from relm_irl_jax.report.names import in_order, listed, method_name, target_name
+from relm_irl_jax.saved_maps import SHORTEST_PATH, ScenePoses, StateMap
+from relm_irl_jax.scenes.scene import GRID_STEP, HEADINGS
+
+COLUMNS = 3
+"""Most maps beside each other."""
+
+PANEL_INCHES = 3.4
+"""Width of one map."""
+
+TARGET_COLOUR = "#d62728"
 
 
-def map_table(scene: Scene, maps: Mapping[str, Float[np.ndarray, "states"]]) -> dict[str, np.ndarray]:
-    """What maps of a scene show, as a table.
+@dataclass(frozen=True)
+class ColourScale:
+    """The colour scale that all maps of a figure share.
 
-    Args:
-        scene: the scene.
-        maps: a value for every state, by title.
-
-    Returns:
-        Columns: place in metres, heading in degrees, and the values.
+    Attributes:
+        low: lower end.
+        high: upper end.
+        label: what the colours mean, and its unit.
     """
-    return {"x": scene.location[:, 0], "z": scene.location[:, 1], "rotation": scene.rotation, **maps}
+
+    low: float
+    high: float
+    label: str
 
 
-def reward_maps(
-    scene: Scene,
-    target: int,
-    start: int,
-    rewards: Mapping[str, Float[np.ndarray, "states"]],
-    limits: tuple[float, float] = (-1.0, 0.0),
-) -> Figure:
-    """Maps of r(s) over a room, seen from above, one a method.
-
-    Each place is a square of four triangles, one a heading. The star is the target and its arrow the heading at which
-    it is reached; the ring is the start from which predicted rewards are predicted.
+def reward_figure(saved: StateMap) -> Figure:
+    """Maps of r(s) over a room, one a method.
 
     Args:
-        scene: the room.
-        target: the target's state.
-        start: the start's state.
-        rewards: reward of every state, by title.
-        limits: ends of the colour scale; predicted rewards may lie beyond them.
-
-    Returns:
-        The figure.
-    """
-    title = f"{scene.name}: reward for target state {target} (star), from a start (ring)"
-    return _maps(scene, target, rewards, limits, "r(s)", title, start)
-
-
-def distance_maps(scene: Scene, target: int, distances: Mapping[str, Float[np.ndarray, "states"]]) -> Figure:
-    """Maps of the distance to a target over a room, seen from above, side by side on one scale.
-
-    Args:
-        scene: the room.
-        target: the target's state.
-        distances: distance of every state to the target, by title; infinite or negative where there is no way.
+        saved: rewards; beyond the ends of `limits` the colours do not change.
 
     Returns:
         The figure.
     """
-    shown = {title: np.where(np.isfinite(d) & (d >= 0), d, np.nan) for title, d in distances.items()}
-    limits = (0.0, float(max(np.nanmax(values) for values in shown.values())))
-    return _maps(scene, target, shown, limits, "steps", f"{scene.name}: distance to target state {target} (star)")
+    values = _finite(saved)
+    known = _known(values)
+    low, high = saved.limits or (min(known, default=0.0), max(known, default=1.0))
+    return _figure(saved, values, ColourScale(low, high, "reward r(s)"))
 
 
-def _maps(
-    scene: Scene,
-    target: int,
-    maps: Mapping[str, Float[np.ndarray, "states"]],
-    limits: tuple[float, float],
-    unit: str,
-    title: str,
-    start: int | None = None,
-) -> Figure:
-    """One map for each entry, on one colour scale."""
-    width = np.ptp(scene.location[:, 0]) + 2.2
-    height = np.ptp(scene.location[:, 1]) + 2.2
-    figure = Figure(figsize=(len(maps) * 4.6, 4.2 * height / width + 0.9), layout="constrained")
-    panels = np.atleast_1d(figure.subplots(1, len(maps)))
-    for panel, (name, values) in zip(panels, maps.items(), strict=True):
-        collection = _triangles(panel, scene, values)
-        collection.set_clim(*limits)
-        place, heading = scene.location[target], np.deg2rad(scene.rotation[target])
-        panel.plot(*place, "*", color="#d62728", markersize=13, markeredgecolor="white")
-        if start is not None:
-            panel.plot(*scene.location[start], "o", color="none", markersize=9, markeredgecolor="#d62728")
-        tip = place + 0.75 * np.array([np.sin(heading), np.cos(heading)])
-        panel.annotate("", tip, place, arrowprops={"arrowstyle": "->", "color": "#d62728", "lw": 1.8})
-        panel.set(title=name, aspect="equal", xlabel="x in metres", ylabel="z in metres")
-        figure.colorbar(collection, ax=panel, label=unit, shrink=0.8, extend="both")
-    figure.suptitle(title)
+def distance_figure(saved: StateMap) -> Figure:
+    """Maps of the distance to a target over a room, the true one first.
+
+    Args:
+        saved: distances in actions.
+
+    Returns:
+        The figure.
+    """
+    values = _finite(saved)
+    if SHORTEST_PATH in values:
+        values[SHORTEST_PATH] = np.where(values[SHORTEST_PATH] >= 0, values[SHORTEST_PATH], np.nan)
+    return _figure(saved, values, ColourScale(0.0, max(_known(values), default=1.0), "distance in actions"))
+
+
+def reward_caption(saved: StateMap, targets: str) -> str:
+    """What a figure of rewards shows.
+
+    Args:
+        saved: the rewards.
+        targets: `trained` or `new`.
+
+    Returns:
+        A caption.
+    """
+    target = target_name(saved.target, saved.category)
+    kind = "a trained target" if targets == "trained" else "a target that was not trained"
+    methods = listed([method_name(name) for name in in_order(saved.values)])
+    start = "" if saved.start is None else f"; predicted for a start at state {saved.start} (ring)"
+    return (
+        f"Rewards of all states of {saved.poses.name} for {kind}, {target} (star; its arrow is the heading), by "
+        f"{methods}, seed {saved.seed}{start}. Each place is four triangles, one a heading"
+    )
+
+
+def distance_caption(saved: StateMap, task: str) -> str:
+    """What a figure of distances shows.
+
+    Args:
+        saved: the distances.
+        task: the task whose target it is.
+
+    Returns:
+        A caption.
+    """
+    target = target_name(saved.target, saved.category)
+    methods = listed([_title(name) for name in _panels(saved) if name != SHORTEST_PATH])
+    return (
+        f"Actions from every state of {saved.poses.name} to a target of Task {task}, {target} (star; its arrow is the "
+        f"heading): along shortest paths, and as learned by {methods}, seed {saved.seed}. Each place is four "
+        "triangles, one a heading"
+    )
+
+
+def map_columns(saved: StateMap) -> dict[str, np.ndarray]:
+    """What the maps show, as a table.
+
+    Args:
+        saved: the map.
+
+    Returns:
+        Columns for `write_table`: place in metres, heading in degrees, and the values of each method.
+    """
+    poses = saved.poses
+    columns = {"x": poses.location[:, 0], "z": poses.location[:, 1], "rotation": poses.rotation}
+    return {**columns, **{_title(name): saved.values[name] for name in _panels(saved)}}
+
+
+def _panels(saved: StateMap) -> list[str]:
+    """Names of the values in the order in which they are drawn: what is true, then the methods."""
+    truth = [name for name in saved.values if name == SHORTEST_PATH]
+    return truth + in_order([name for name in saved.values if name != SHORTEST_PATH])
+
+
+def _title(name: str) -> str:
+    return "Shortest path" if name == SHORTEST_PATH else method_name(name)
+
+
+def _finite(saved: StateMap) -> dict[str, Float64[np.ndarray, "states"]]:
+    return {name: np.where(np.isfinite(saved.values[name]), saved.values[name], np.nan) for name in _panels(saved)}
+
+
+def _known(values: Mapping[str, Float64[np.ndarray, "states"]]) -> list[float]:
+    """All values of all maps that are known."""
+    return np.concatenate([own[np.isfinite(own)] for own in values.values()]).tolist()
+
+
+def _figure(saved: StateMap, values: Mapping[str, Float64[np.ndarray, "states"]], scale: ColourScale) -> Figure:
+    """One map for each entry, all on one colour scale."""
+    columns = min(COLUMNS, len(values))
+    rows = -(-len(values) // columns)
+    width, height = np.ptp(saved.poses.location, axis=0) + 2.2
+    size = (columns * PANEL_INCHES + 1.0, rows * (PANEL_INCHES * np.clip(height / width, 0.4, 2.0) + 0.4) + 0.5)
+    figure = Figure(figsize=size, layout="constrained")
+    panels = figure.subplots(rows, columns, squeeze=False)
+    collections = []
+    for number, (panel, (name, own)) in enumerate(zip(panels.flat, values.items(), strict=False)):
+        collections.append(_triangles(panel, saved.poses, own))
+        collections[-1].set_clim(scale.low, scale.high)
+        _mark(panel, saved)
+        panel.set(title=_title(name), aspect="equal")
+        panel.tick_params(labelbottom=number + columns >= len(values), labelleft=number % columns == 0)
+    for panel in panels.flat[len(values) :]:
+        panel.set_axis_off()
+    figure.supxlabel("x in metres", fontsize=10)
+    figure.supylabel("z in metres", fontsize=10)
+    known = _known(values)
+    below, above = min(known, default=scale.low) < scale.low, max(known, default=scale.high) > scale.high
+    extend = {(False, False): "neither", (True, False): "min", (False, True): "max", (True, True): "both"}[below, above]
+    figure.colorbar(collections[0], ax=panels.ravel().tolist(), label=scale.label, shrink=0.8, extend=extend)
+    figure.suptitle(f"{saved.poses.name}, target: {target_name(saved.target, saved.category)}")
     return figure
 
 
-def _triangles(panel: Axes, scene: Scene, values: Float[np.ndarray, "states"]):
+def _mark(panel: Axes, saved: StateMap) -> None:
+    """Mark the target and its heading, and the start where there is one."""
+    place, heading = saved.poses.location[saved.target], np.deg2rad(saved.poses.rotation[saved.target])
+    tip = place + 0.75 * np.array([np.sin(heading), np.cos(heading)])
+    panel.plot(*place, "*", color=TARGET_COLOUR, markersize=13, markeredgecolor="white")
+    panel.annotate("", tip, place, arrowprops={"arrowstyle": "->", "color": TARGET_COLOUR, "lw": 1.8})
+    panel.update_datalim([tip])
+    panel.autoscale_view()
+    if saved.start is not None:
+        start = saved.poses.location[saved.start]
+        panel.plot(*start, "o", color="none", markersize=9, markeredgecolor=TARGET_COLOUR)
+
+
+def _triangles(panel: Axes, poses: ScenePoses, values: Float64[np.ndarray, "states"]) -> PolyCollection:
     """Draw one triangle a state: from the centre of its place to the edge that the heading faces."""
     half = GRID_STEP / 2
     corners = {
@@ -106,7 +190,7 @@ def _triangles(panel: Axes, scene: Scene, values: Float[np.ndarray, "states"]):
     }
     shapes = [
         [place, *(place + np.asarray(corner) for corner in corners[float(heading)])]
-        for place, heading in zip(scene.location, scene.rotation, strict=True)
+        for place, heading in zip(poses.location, poses.rotation, strict=True)
     ]
     collection = PolyCollection(shapes, array=values, cmap="viridis", edgecolors="none", antialiased=False)
     panel.add_collection(collection)

@@ -1,222 +1,222 @@
-"""The task's table in the paper's layout: methods × (PLE, SR, SPL) × room types and their mean."""
+"""The tables of a run: metrics of a task in the paper's layout (methods × metrics × room types), quality of rewards."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from rich.table import Table
-from scipy.stats import t as student
 
+from relm_irl_jax.report.intervals import MeanInterval, mean_interval
+from relm_irl_jax.report.names import METRIC_NAMES, heading, in_order, method_name
 from relm_irl_jax.report.paper import COLUMNS, PAPER
+from relm_irl_jax.results import ResultRow, Results, RewardQualityRow
 from relm_irl_jax.scenes.scene import ROOM_TYPES
 
-METRICS = ("ple", "sr", "spl")
-METRIC_NAMES = {"ple": "PLE ↓", "sr": "SR ↑", "spl": "SPL ↑"}
-METHOD_NAMES = {"random": "Random", "bc": "BC", "rl": "RL", "irl": "IRL", "elm-irl": "ELM-IRL", "relm-irl": "RELM-IRL"}
+METRICS = tuple(METRIC_NAMES)
+
+MEAN = "mean"
+"""The column that holds the mean over room types."""
+
+TARGET_GROUPS = {"trained": "trained", "new": "of Task II", "uniform": "of Task II, drawn uniformly"}
+"""Groups of targets for which rewards are judged."""
 
 
-@dataclass(frozen=True)
-class Cell:
-    """One value of the table.
-
-    Attributes:
-        mean: mean over seeds of the mean over scenes.
-        half_width: half of the 95% interval over seeds (Student's t); NaN with one seed.
-    """
-
-    mean: float
-    half_width: float
-
-    def __format__(self, form: str) -> str:
-        """The mean, with the interval where there is one, both in a form such as `.1f`; `.2f` where none is given."""
-        numbers = (self.mean,) if np.isnan(self.half_width) else (self.mean, self.half_width)
-        return " ± ".join(format(number, form or ".2f") for number in numbers)
-
-    def __str__(self) -> str:
-        """The mean, with the interval where there is one."""
-        return format(self)
-
-
-def columns_of(rows: Sequence[dict]) -> tuple[str, ...]:
-    """Columns of the table: the room types that the results hold, the paper's first, then their mean.
+def columns_of(rows: Sequence[ResultRow]) -> tuple[str, ...]:
+    """Columns of a task's table: the room types of the rows, the paper's first, then their mean.
 
     Args:
-        rows: rows of `results.json`.
+        rows: the rows.
 
     Returns:
         Column names.
     """
-    found = {row["room_type"] for row in rows}
-    ordered = [name for name in ROOM_TYPES if name in found] + sorted(found - set(ROOM_TYPES))
-    return (*ordered, "mean")
+    found = {row.room_type for row in rows}
+    return (*(name for name in ROOM_TYPES if name in found), *sorted(found - set(ROOM_TYPES)), MEAN)
 
 
-def summarise(values: Sequence[float]) -> Cell:
-    """Mean and 95% interval of one value a seed.
+def methods_of(rows: Sequence[ResultRow]) -> list[str]:
+    """Methods of the rows, the paper's first and in the order of its tables.
 
     Args:
-        values: the values.
+        rows: the rows.
 
     Returns:
-        The cell; the interval is Student's t with one degree of freedom less than values, NaN where that is none.
+        Method names.
     """
-    if len(values) < 2:
-        return Cell(float(np.mean(values)) if values else np.nan, np.nan)
-    error = np.std(values, ddof=1) / np.sqrt(len(values))
-    return Cell(float(np.mean(values)), float(student.ppf(0.975, len(values) - 1) * error))
+    return in_order({row.method for row in rows})
 
 
-def by_seed(rows: Sequence[dict], method: str, metric: str, column: str) -> dict[int, float]:
-    """One value a seed: the mean over the scenes of a room type, or over room types.
+def seeds_of(rows: Sequence[ResultRow]) -> list[int]:
+    """Seeds of the rows, ascending.
 
     Args:
-        rows: rows of `results.json`.
-        method: method.
+        rows: the rows.
+
+    Returns:
+        The seeds.
+    """
+    return sorted({row.seed for row in rows})
+
+
+def by_seed(rows: Sequence[ResultRow], method: str, metric: str, column: str) -> dict[int, float]:
+    """One value a seed: the mean over the scenes of a room type, or the mean of these over room types.
+
+    Args:
+        rows: the rows.
+        method: the method.
         metric: `sr`, `ple` or `spl`.
-        column: room type, or `mean` for the mean over room types.
+        column: a room type, or `mean`.
 
     Returns:
-        Values by seed.
+        Values by seed; a seed that lacks one of the room types has none.
     """
-    own = [row for row in rows if row["method"] == method]
-    room_types = [name for name in columns_of(rows)[:-1] if column in (name, "mean")]
-    return {
-        seed: float(
-            np.mean(
-                [
-                    np.mean([row[metric] for row in own if row["seed"] == seed and row["room_type"] == name])
-                    for name in room_types
-                ]
-            )
-        )
-        for seed in sorted({row["seed"] for row in own})
-    }
+    own = [row for row in rows if row.method == method]
+    room_types = [name for name in columns_of(rows)[:-1] if column in (name, MEAN)]
+    values = {}
+    for seed in seeds_of(own):
+        scenes = [
+            [getattr(row, metric) for row in own if (row.seed, row.room_type) == (seed, name)] for name in room_types
+        ]
+        if all(scenes):
+            values[seed] = float(np.mean([np.mean(of_type) for of_type in scenes]))
+    return values
 
 
-def cell(rows: Sequence[dict], method: str, metric: str, column: str) -> Cell:
-    """Summarise one method, metric and column.
+def interval_of(rows: Sequence[ResultRow], method: str, metric: str, column: str) -> MeanInterval:
+    """Mean and interval over seeds of one method, metric and column.
 
     Args:
-        rows: rows of `results.json`.
-        method: method.
+        rows: the rows.
+        method: the method.
         metric: `sr`, `ple` or `spl`.
-        column: room type, or `mean` for the mean over room types.
+        column: a room type, or `mean`.
 
     Returns:
-        The cell; NaN where there are no rows.
+        The mean and its interval; NaN where there are no rows.
     """
-    return summarise(list(by_seed(rows, method, metric, column).values()))
+    return mean_interval(list(by_seed(rows, method, metric, column).values()))
 
 
-def separate_best(rows: Sequence[dict], metric: str, column: str) -> str | None:
+def separate_best(rows: Sequence[ResultRow], metric: str, column: str) -> str | None:
     """The best method, where its interval lies apart from every other one's.
 
     Args:
-        rows: rows of `results.json`.
+        rows: the rows.
         metric: `sr`, `ple` or `spl`.
-        column: room type or `mean`.
+        column: a room type, or `mean`.
 
     Returns:
         The method; None where intervals overlap, or there are none.
     """
     sign = -1.0 if metric == "ple" else 1.0
-    cells = {method: cell(rows, method, metric, column) for method in methods_of(rows)}
-    best = max(cells, key=lambda method: sign * cells[method].mean)
-    least = sign * cells[best].mean - cells[best].half_width
-    others = [sign * c.mean + c.half_width for method, c in cells.items() if method != best]
+    intervals = {method: interval_of(rows, method, metric, column) for method in methods_of(rows)}
+    best = max(intervals, key=lambda method: sign * intervals[method].mean)
+    least = sign * intervals[best].mean - intervals[best].half_width
+    others = [sign * value.mean + value.half_width for method, value in intervals.items() if method != best]
     return best if others and all(least > other for other in others) else None
 
 
-def methods_of(rows: Sequence[dict]) -> list[str]:
-    """Methods that the results hold, in the order of the paper's tables.
+def paper_value(task: str, method: str, metric: str, column: str) -> float:
+    """The number that the paper prints.
 
     Args:
-        rows: rows of `results.json`.
+        task: the task.
+        method: the method.
+        metric: `sr`, `ple` or `spl`.
+        column: a room type, or `mean`.
 
     Returns:
-        Method names.
+        The number; NaN where the paper has none.
     """
-    found = {row["method"] for row in rows}
-    return [name for name in METHOD_NAMES if name in found]
+    printed = PAPER[task].get(method)
+    return np.nan if printed is None or column not in COLUMNS else printed[metric][COLUMNS.index(column)]
 
 
-def readable(column: str) -> str:
-    """A column's name as a heading."""
-    return column.replace("_", " ").capitalize()
-
-
-def console_table(results: dict) -> Table:
-    """The table for the terminal.
+def console_table(results: Results) -> Table:
+    """The metrics of a task for the terminal.
 
     Args:
-        results: contents of `results.json`.
+        results: the metrics.
 
     Returns:
         The table.
     """
-    rows = results["rows"]
-    columns = columns_of(rows)
-    table = Table(title=f"Task {results['task']}: cap {results['cap']}, encoder {results['encoder']}")
-    for heading in ("Method", "Metric", *map(readable, columns)):
-        table.add_column(heading, justify="left" if heading in ("Method", "Metric") else "right")
+    rows, columns = results.rows, columns_of(results.rows)
+    table = Table(title=f"Task {results.task}: cap {results.cap}, encoder {results.encoder}")
+    for name in ("Method", "Metric", *map(heading, columns)):
+        table.add_column(name, justify="left" if name in ("Method", "Metric") else "right")
     for method in methods_of(rows):
         for position, metric in enumerate(METRICS):
             table.add_row(
-                METHOD_NAMES[method] if position == 0 else "",
+                method_name(method) if position == 0 else "",
                 METRIC_NAMES[metric],
-                *(str(cell(rows, method, metric, column)) for column in columns),
+                *(str(interval_of(rows, method, metric, column)) for column in columns),
                 end_section=position == len(METRICS) - 1,
             )
     return table
 
 
-def markdown_table(results: dict) -> str:
-    """The table for the report, the paper's numbers beside ours in brackets.
+def markdown_table(results: Results) -> str:
+    """The metrics of a task for the report, the paper's numbers beside ours in brackets.
 
     Args:
-        results: contents of `results.json`.
+        results: the metrics.
 
     Returns:
         A Markdown table.
     """
-    rows = results["rows"]
-    columns = columns_of(rows)
-    paper = PAPER[results["task"]]
-    lines = ["| Method | Metric | " + " | ".join(map(readable, columns)) + " |", "|---|---|" + "---:|" * len(columns)]
+    rows, columns = results.rows, columns_of(results.rows)
+    best = {(metric, column): separate_best(rows, metric, column) for metric in METRICS for column in columns}
+    lines = ["| Method | Metric | " + " | ".join(map(heading, columns)) + " |", "|---|---|" + "---:|" * len(columns)]
     for method in methods_of(rows):
         for metric in METRICS:
-            cells = []
+            texts = []
             for column in columns:
-                text = str(cell(rows, method, metric, column))
-                if separate_best(rows, metric, column) == method:
+                text = str(interval_of(rows, method, metric, column))
+                if best[metric, column] == method:
                     text = f"**{text}**"
-                if method in paper and column in COLUMNS:
-                    text += f" ({paper[method][metric][COLUMNS.index(column)]:.2f})"
-                cells.append(text)
-            lines.append(f"| {METHOD_NAMES[method]} | {METRIC_NAMES[metric]} | " + " | ".join(cells) + " |")
+                paper = paper_value(results.task, method, metric, column)
+                texts.append(text if np.isnan(paper) else f"{text} ({paper:.2f})")
+            lines.append(f"| {method_name(method)} | {METRIC_NAMES[metric]} | " + " | ".join(texts) + " |")
     return "\n".join(lines)
 
 
-def table_columns(results: dict) -> dict[str, list]:
-    """The table as columns, one row for each method, metric and room type.
+def table_columns(results: Results) -> dict[str, list]:
+    """The metrics of a task as columns, one row for each method, metric and room type.
 
     Args:
-        results: contents of `results.json`.
+        results: the metrics.
 
     Returns:
         Columns for `write_table`: the mean, half of the 95% interval, the number of seeds, whether the value is best by
         intervals that lie apart, and the paper's number.
     """
-    rows, paper = results["rows"], PAPER[results["task"]]
+    rows, columns = results.rows, columns_of(results.rows)
+    best = {(metric, column): separate_best(rows, metric, column) for metric in METRICS for column in columns}
     table = []
     for method in methods_of(rows):
-        for metric in METRICS:
-            for column in columns_of(rows):
-                values = list(by_seed(rows, method, metric, column).values())
-                shown = summarise(values)
-                printed = method in paper and column in COLUMNS
-                theirs = paper[method][metric][COLUMNS.index(column)] if printed else np.nan
-                best = separate_best(rows, metric, column) == method
-                table.append((method, metric, column, shown.mean, shown.half_width, len(values), best, theirs))
+        for metric, column in best:
+            values = list(by_seed(rows, method, metric, column).values())
+            shown, is_best = mean_interval(values), best[metric, column] == method
+            paper = paper_value(results.task, method, metric, column)
+            table.append((method, metric, column, shown.mean, shown.half_width, len(values), is_best, paper))
     names = ("method", "metric", "column", "mean", "half_width", "seeds", "best", "paper")
     return dict(zip(names, map(list, zip(*table, strict=True)), strict=True))
+
+
+def quality_table(quality: Mapping[int, Sequence[RewardQualityRow]]) -> str:
+    """How good the learned rewards are, apart from any agent, for the report.
+
+    Args:
+        quality: the rows of each seed.
+
+    Returns:
+        A Markdown table: means over seeds and their intervals.
+    """
+    rows = [row for own in quality.values() for row in own]
+    lines = ["| Reward | Targets | Rank of the target | Order of states |", "|---|---|---:|---:|"]
+    for targets, name in TARGET_GROUPS.items():
+        for method in in_order({row.method for row in rows if row.targets == targets}):
+            own = [row for row in rows if (row.method, row.targets) == (method, targets)]
+            rank, order = (mean_interval([getattr(row, name) for row in own]) for name in ("median_rank", "mean_order"))
+            lines.append(f"| {method_name(method)} | {name} | {rank:.1f} | {order} |")
+    return "\n".join(lines)

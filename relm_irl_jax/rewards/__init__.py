@@ -1,1 +1,1 @@
-"""Rewards of the methods: the models that training looks up, and how they are learned from demonstrations."""
+"""Rewards of the methods: the reward equation, the functions that pay transitions, and how rewards are learned."""

@@ -1,7 +1,8 @@
-"""How good a reward is, apart from any agent: where it ranks its target, and how it orders states by distance.
+"""How good a reward is, apart from any agent: the target's rank, and the order of states by distance.
 
 That the optimal policy under a reward reaches the target proves little where every reward is negative and the
-simulator ends the episode: a constant −1 does it too.
+simulator ends the episode: a constant −1 does it too. Rewards are judged before clipping, since the bounds would make
+many of them equal.
 """
 
 from collections.abc import Sequence
@@ -11,15 +12,15 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.stats import spearmanr
 
-from relm_irl_jax.irl import reward
-from relm_irl_jax.rewards.demonstrations import RewardBasis
+from relm_irl_jax.rewards.equation import LinearRewardForm, unclipped_reward
+from relm_irl_jax.rewards.predicted import RewardPredictor
 from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.tasks import Target
 
 
 @dataclass(frozen=True)
 class RewardQuality:
-    """Judgement of one reward.
+    """Quality of one reward.
 
     Attributes:
         rank: position of the target among all states of the scene by reward, 1 being the best.
@@ -32,19 +33,26 @@ class RewardQuality:
     order: float
 
 
-def judge(scene: Scene, target: int, basis: RewardBasis, weights: Float64[np.ndarray, "d"]) -> RewardQuality:
+def reward_quality(
+    scene: Scene,
+    target: int,
+    phi: Float64[np.ndarray, "states d"],
+    weights: Float64[np.ndarray, "d"],
+    form: LinearRewardForm,
+) -> RewardQuality:
     """Judge the reward that weights stand for.
 
     Args:
-        scene: the target's scene, encoded.
+        scene: the target's scene.
         target: the target's state.
-        basis: φ.
+        phi: reward features of the scene.
         weights: w.
+        form: form of the reward.
 
     Returns:
-        The judgement.
+        Rank and order.
     """
-    values = reward(basis(scene.encoded), target, weights)
+    values = unclipped_reward(weights, phi, phi[target], form)
     distance = scene.shortest_path_distance[:, target]
     others = (distance > 0) & (np.arange(len(values)) != target)
     constant = np.ptp(values[others]) == 0
@@ -55,32 +63,30 @@ def judge(scene: Scene, target: int, basis: RewardBasis, weights: Float64[np.nda
     )
 
 
-def judge_predictions(
+def predicted_reward_quality(
     scenes: Sequence[Scene],
     targets: Sequence[Target],
-    basis: RewardBasis,
-    predict,
+    predictor: RewardPredictor,
     generator: np.random.Generator,
     starts: int = 8,
 ) -> list[RewardQuality]:
-    """Judge predicted rewards from several random starts of each target.
+    """Judge predicted rewards from several random starts for each target.
 
     Args:
-        scenes: the targets' scenes, encoded.
+        scenes: the targets' scenes.
         targets: targets, trained or not.
-        basis: φ.
-        predict: maps view features of starts and of the target to weights, one row a start.
+        predictor: predicts weights in these scenes.
         generator: source of randomness for starts.
-        starts: starts a target.
+        starts: number of starts for each target.
 
     Returns:
-        One judgement for each target and start.
+        One entry for each target and start.
     """
-    judged = []
+    found = []
     for target in targets:
-        scene = scenes[target.scene]
+        scene, phi = scenes[target.scene], predictor.phi[target.scene]
         able = np.flatnonzero(scene.shortest_path_distance[:, target.state] > 0)
-        first = scene.encoded[generator.choice(able, min(starts, len(able)), replace=False)]
-        wanted = np.broadcast_to(scene.encoded[target.state], first.shape)
-        judged += [judge(scene, target.state, basis, weights) for weights in predict(first, wanted)]
-    return judged
+        start = generator.choice(able, min(starts, len(able)), replace=False)
+        predicted = predictor.weights(target.scene, start, np.full_like(start, target.state))
+        found += [reward_quality(scene, target.state, phi, weights, predictor.form) for weights in predicted]
+    return found

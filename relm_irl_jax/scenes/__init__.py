@@ -1,4 +1,4 @@
-"""Scenes: the structure, the file format and the sources.
+"""Scenes: the data structure, the file format, the built-in rooms, and the recording of other simulators.
 
 Names are imported when they are first used, so that processes that only need the structure do not load JAX.
 """
@@ -8,26 +8,26 @@ from typing import TYPE_CHECKING
 from relm_irl_jax.lazy import on_first_use
 
 if TYPE_CHECKING:
-    from relm_irl_jax.scenes.dump import load_scene as load_scene
-    from relm_irl_jax.scenes.dump import save_scene as save_scene
-    from relm_irl_jax.scenes.record import record_scene as record_scene
-    from relm_irl_jax.scenes.rooms import generate_room as generate_room
+    from relm_irl_jax.scenes.recording.record import record_scene as record_scene
+    from relm_irl_jax.scenes.recording.simulator import Pose as Pose
+    from relm_irl_jax.scenes.recording.simulator import SimulatorScene as SimulatorScene
+    from relm_irl_jax.scenes.recording.simulator import View as View
+    from relm_irl_jax.scenes.recording.simulator import next_pose as next_pose
+    from relm_irl_jax.scenes.rooms.generate import generate_room as generate_room
     from relm_irl_jax.scenes.scene import Scene as Scene
-    from relm_irl_jax.scenes.source import Pose as Pose
-    from relm_irl_jax.scenes.source import Source as Source
-    from relm_irl_jax.scenes.source import View as View
-    from relm_irl_jax.scenes.source import stepped as stepped
+    from relm_irl_jax.scenes.scene_file import load_scene as load_scene
+    from relm_irl_jax.scenes.scene_file import save_scene as save_scene
 
 _HOME = {
-    "Pose": "source",
+    "Pose": "recording.simulator",
     "Scene": "scene",
-    "Source": "source",
-    "View": "source",
-    "generate_room": "rooms",
-    "load_scene": "dump",
-    "record_scene": "record",
-    "save_scene": "dump",
-    "stepped": "source",
+    "SimulatorScene": "recording.simulator",
+    "View": "recording.simulator",
+    "generate_room": "rooms.generate",
+    "load_scene": "scene_file",
+    "next_pose": "recording.simulator",
+    "record_scene": "recording.record",
+    "save_scene": "scene_file",
 }
 
 __all__ = sorted(_HOME)

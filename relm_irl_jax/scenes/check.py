@@ -1,8 +1,9 @@
-"""Everything that training relies on in a scene, checked.
+"""Consistency checks of scenes.
 
-`load_scene` refuses files of the wrong shape; this looks at whether the content makes sense: moves and turns lead where
-location and rotation say, every move can be undone, distances are those of a breadth-first search, and no pose occurs
-twice. A scene whose turns all go the other way round is reported, not refused: nothing depends on the direction.
+`load_scene` refuses datasets of the wrong shape or range. The checks here compare datasets with each other: moves and
+turns lead where `location` and `rotation` say, every action can be undone, `shortest_path_distance` agrees with
+`graph`, and no pose occurs twice. A scene whose turns all have the opposite direction is only noted, because nothing
+depends on the direction.
 """
 
 from collections.abc import Sequence
@@ -14,30 +15,30 @@ from rich import box
 from rich.table import Table
 
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.scenes.dump import load_scene
 from relm_irl_jax.scenes.scene import ACTIONS, COLLISION, GRID_STEP, UNREACHABLE, Scene, shortest_path_distances
+from relm_irl_jax.scenes.scene_file import load_scene
 
 AHEAD, RIGHT, LEFT, BACK = range(len(ACTIONS))
 
 TOLERANCE = 0.01
-"""Metres and degrees by which poses may be off: simulators add rounding noise."""
+"""Metres and degrees by which poses may differ from the grid: simulators add rounding errors."""
 
 
 @dataclass(frozen=True)
 class SceneCheck:
-    """What was found in one file.
+    """Result of the checks of one file.
 
     Attributes:
         path: the file.
-        scene: the scene, without its frames; None where it could not be read.
-        unreachable: states that no other state can reach.
-        faults: what training would trip over, one sentence each; empty for a sound scene.
-        notes: what is unusual and harmless.
+        scene: the scene without its views; None where the file could not be read.
+        image_size: rows and columns of the views; None where the file could not be read.
+        faults: errors that training cannot work with, one sentence each; empty for a valid scene.
+        notes: unusual properties without consequences.
     """
 
     path: Path
     scene: Scene | None
-    unreachable: int
+    image_size: tuple[int, int] | None
     faults: tuple[str, ...]
     notes: tuple[str, ...]
 
@@ -49,18 +50,19 @@ def check_files(paths: Sequence[Path]) -> tuple[SceneCheck, ...]:
         paths: the files.
 
     Returns:
-        One record a file.
+        One result for each file.
     """
     checked = []
     for path in paths:
         try:
             scene = load_scene(path)
         except InputError as error:
-            checked.append(SceneCheck(path, None, 0, (str(error),), ()))
+            checked.append(SceneCheck(path, None, None, (str(error),), ()))
             continue
         faults, notes = check_scene(scene)
-        unreachable = scene.n_states - len(scene.reachable)
-        checked.append(SceneCheck(path, scene, unreachable, tuple(f"{path}: {fault}" for fault in faults), notes))
+        rows, columns = scene.views.shape[1:3]
+        named = tuple(f"{path}: {fault}" for fault in faults)
+        checked.append(SceneCheck(path, scene.without_views(), (rows, columns), named, notes))
     return tuple(checked)
 
 
@@ -73,11 +75,19 @@ def check_scene(scene: Scene) -> tuple[tuple[str, ...], tuple[str, ...]]:
     Returns:
         Faults, each naming its dataset, and notes.
     """
-    turn_faults, notes = _turns(scene)
-    return (*_poses(scene), *turn_faults, *_moves(scene), *_undone(scene), *_distances(scene)), notes
+    turn_faults, notes = _check_turns(scene)
+    faults = (
+        *_check_poses(scene),
+        *turn_faults,
+        *_check_moves(scene),
+        *_check_inverse_actions(scene),
+        *_check_distances(scene),
+    )
+    return faults, notes
 
 
-def _poses(scene: Scene) -> list[str]:
+def _check_poses(scene: Scene) -> list[str]:
+    """Headings are multiples of 90 degrees, and no pose occurs twice."""
     faults = []
     off = np.abs(scene.rotation - 90 * np.round(scene.rotation / 90))
     if off.max() > TOLERANCE:
@@ -95,49 +105,49 @@ def _poses(scene: Scene) -> list[str]:
     return faults
 
 
-def _turns(scene: Scene) -> tuple[list[str], tuple[str, ...]]:
-    """Turns keep the place and change the heading by 90 degrees, all the same way."""
+def _check_turns(scene: Scene) -> tuple[list[str], tuple[str, ...]]:
+    """Turns keep the place and change the heading by 90 degrees, RotateRight always in the same direction."""
     faults, signs = [], []
     for action, sign in ((RIGHT, 1), (LEFT, -1)):
         state = np.flatnonzero(scene.graph[:, action] != COLLISION)
-        onward = scene.graph[state, action]
-        moved = np.abs(scene.location[onward] - scene.location[state]).max(1) > TOLERANCE
+        next_state = scene.graph[state, action]
+        moved = np.abs(scene.location[next_state] - scene.location[state]).max(1) > TOLERANCE
         if moved.any():
             faults.append(f"dataset `graph`: {ACTIONS[action]} from state {state[moved][0]} leaves its place.")
-        change = sign * _angle(scene.rotation[onward] - scene.rotation[state])
+        change = sign * _angle(scene.rotation[next_state] - scene.rotation[state])
         odd = np.abs(np.abs(change) - 90) > TOLERANCE
         if odd.any():
             faults.append(f"dataset `graph`: {ACTIONS[action]} from state {state[odd][0]} is no turn by 90 degrees.")
         signs.append(np.sign(change[~odd]))
-    both = np.concatenate(signs)
-    if len(both) and (both > 0).any() and (both < 0).any():
-        faults.append("dataset `graph`: some turns go one way round and some the other.")
-    return faults, ("turns go the other way round",) if len(both) and (both < 0).all() else ()
+    directions = np.concatenate(signs)
+    if (directions > 0).any() and (directions < 0).any():
+        faults.append("dataset `graph`: some turns have one direction and some the other.")
+    return faults, ("turns have the opposite direction",) if len(directions) and (directions < 0).all() else ()
 
 
-def _moves(scene: Scene) -> list[str]:
-    """Moves keep the heading and go one step along it, or against it."""
+def _check_moves(scene: Scene) -> list[str]:
+    """Moves keep the heading and lead one grid step along it or against it."""
     radians = np.deg2rad(scene.rotation)
     heading = np.column_stack([np.sin(radians), np.cos(radians)])
     faults = []
     for action, sign in ((AHEAD, 1.0), (BACK, -1.0)):
         state = np.flatnonzero(scene.graph[:, action] != COLLISION)
-        onward = scene.graph[state, action]
-        turned = np.abs(_angle(scene.rotation[onward] - scene.rotation[state])) > TOLERANCE
+        next_state = scene.graph[state, action]
+        turned = np.abs(_angle(scene.rotation[next_state] - scene.rotation[state])) > TOLERANCE
         if turned.any():
             faults.append(f"dataset `graph`: {ACTIONS[action]} from state {state[turned][0]} changes the heading.")
-        step = scene.location[onward] - scene.location[state]
-        astray = np.abs(step - sign * GRID_STEP * heading[state]).max(1) > TOLERANCE
-        if astray.any():
+        step = scene.location[next_state] - scene.location[state]
+        off_target = np.abs(step - sign * GRID_STEP * heading[state]).max(1) > TOLERANCE
+        if off_target.any():
             faults.append(
-                f"dataset `graph`: {ACTIONS[action]} leads {int(astray.sum())} times elsewhere than {GRID_STEP} m "
-                f"along the heading, first from state {state[astray][0]}."
+                f"dataset `graph`: {ACTIONS[action]} leads {int(off_target.sum())} times elsewhere than {GRID_STEP} m "
+                f"along the heading, first from state {state[off_target][0]}."
             )
     return faults
 
 
-def _undone(scene: Scene) -> list[str]:
-    """What one action does, its opposite undoes."""
+def _check_inverse_actions(scene: Scene) -> list[str]:
+    """Each action is undone by its opposite."""
     faults = []
     for action, opposite in ((AHEAD, BACK), (BACK, AHEAD), (RIGHT, LEFT), (LEFT, RIGHT)):
         state = np.flatnonzero(scene.graph[:, action] != COLLISION)
@@ -149,7 +159,8 @@ def _undone(scene: Scene) -> list[str]:
     return faults
 
 
-def _distances(scene: Scene) -> list[str]:
+def _check_distances(scene: Scene) -> list[str]:
+    """Distances are those of a breadth-first search on the graph."""
     wrong = scene.shortest_path_distance != shortest_path_distances(scene.graph)
     if not wrong.any():
         return []
@@ -161,46 +172,45 @@ def _distances(scene: Scene) -> list[str]:
 
 
 def _angle(degrees: np.ndarray) -> np.ndarray:
-    """Angle in (−180, 180]."""
+    """Map angles to (−180, 180]."""
     return -((-degrees + 180) % 360 - 180)
 
 
 def check_table(checked: Sequence[SceneCheck]) -> Table:
-    """One line a file.
+    """Format results as a table, one row for each file.
 
     Args:
-        checked: what was found.
+        checked: results of `check_files`.
 
     Returns:
-        The table, ready to print.
+        The table.
     """
     table = Table(
         title="Scene files",
-        caption="unreached: states that no other state reaches; far: the longest path",
+        caption="unreached: states that no other state reaches; longest: longest of all shortest paths",
         box=box.SIMPLE_HEAD,
         padding=(0, 1, 0, 0),
     )
-    for heading in ("file", "type", "states", "unreached", "far", "frames", "features", "labels", "verdict"):
-        numeric = heading in ("states", "unreached", "far")
+    for heading in ("file", "type", "states", "unreached", "longest", "views", "features", "labels", "verdict"):
+        numeric = heading in ("states", "unreached", "longest")
         table.add_column(heading, justify="right" if numeric else "left", no_wrap=heading != "verdict")
-    for record in checked:
-        verdict = (
-            "sound" if not record.faults else f"{len(record.faults)} faults" if len(record.faults) > 1 else "fault"
-        )
-        if record.scene is None:
-            table.add_row(record.path.name, *[""] * 7, "cannot be read")
+    for result in checked:
+        scene = result.scene
+        if scene is None or result.image_size is None:
+            table.add_row(result.path.name, *[""] * 7, "cannot be read")
             continue
-        scene = record.scene
+        n_faults = len(result.faults)
+        verdict = {0: "valid", 1: "1 fault"}.get(n_faults, f"{n_faults} faults")
         distance = scene.shortest_path_distance
         table.add_row(
-            record.path.stem,
+            result.path.stem,
             scene.room_type,
             f"{scene.n_states}",
-            f"{record.unreachable}",
+            f"{scene.n_states - len(scene.reachable)}",
             f"{int(distance[distance != UNREACHABLE].max())}",
-            "×".join(map(str, scene.views.shape[1:3])),
+            "×".join(map(str, result.image_size)),
             "no" if scene.features is None else "yes",
             "no" if scene.visible_object is None else f"{len(scene.categories)}",
-            "; ".join((verdict, *record.notes)),
+            "; ".join((verdict, *result.notes)),
         )
     return table

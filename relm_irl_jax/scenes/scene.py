@@ -1,14 +1,14 @@
-"""The scene: what every source writes and everything downstream reads.
+"""The scene: a finite navigation problem with one view for each state.
 
-A scene is a finite navigation problem with pictures. A *state* is a place on a 0.5 m grid together with one of
-four headings; an *action* moves the camera one step or turns it by 90 degrees; each state has one view.
+A *state* is a place on a 0.5 m grid together with one of four headings. An *action* moves the camera by one step or
+turns it by 90 degrees.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float32, Float64, Int32, Int64, UInt8
+from jaxtyping import Float32, Float64, Int, Int32, Int64, UInt8
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import shortest_path
 
@@ -44,12 +44,12 @@ class Scene:
         rotation: heading of each state, in degrees, one of `HEADINGS`.
         graph: next state for each action of `ACTIONS`, or `COLLISION`.
         shortest_path_distance: least number of actions from row to column, or `UNREACHABLE`.
-        observation: view of each state as RGB; None where only features are held.
+        observation: view of each state as RGB; None where the views were not loaded.
         features: encoded view of each state; None before encoding.
         visible_object: share of the view that each category covers, in [0, 1]; None without labels.
         categories: name of each column of `visible_object`.
-        source: what wrote the scene, for example `rooms/1`.
-        encoder: what wrote `features`; empty before encoding.
+        source: program and version that the scene comes from, for example `rooms/3`.
+        encoder: name of the encoder of `features`; empty before encoding.
     """
 
     name: str
@@ -72,8 +72,12 @@ class Scene:
 
     @property
     def reachable(self) -> Int64[np.ndarray, "reachable"]:
-        """States that some other state can reach, ascending; the original dumps hold some that none can."""
+        """States that some other state can reach, ascending; the original scenes hold some that none can."""
         return np.flatnonzero((self.shortest_path_distance > 0).any(0))
+
+    def without_views(self) -> "Scene":
+        """The same scene with `observation` None."""
+        return replace(self, observation=None)
 
     @property
     def views(self) -> UInt8[np.ndarray, "states height width 3"]:
@@ -91,7 +95,7 @@ class Scene:
 
 
 def first_of_each_type(scenes: Sequence[Scene]) -> dict[str, int]:
-    """The scenes that stand for their room types in figures.
+    """Choose one scene of each room type, for figures.
 
     Args:
         scenes: the scenes.
@@ -137,8 +141,8 @@ def pose_graph(
     return location, rotation, graph
 
 
-def shortest_path_distances(graph: Int32[np.ndarray, "states 4"]) -> Int32[np.ndarray, "states states"]:
-    """Least number of actions between all pairs of states, by breadth-first search along directed edges.
+def shortest_path_distances(graph: Int[np.ndarray, "states 4"]) -> Int32[np.ndarray, "states states"]:
+    """Least number of actions between all pairs of states.
 
     Args:
         graph: next state for each action, or `COLLISION`.
@@ -152,8 +156,8 @@ def shortest_path_distances(graph: Int32[np.ndarray, "states 4"]) -> Int32[np.nd
     return np.where(np.isinf(distance), UNREACHABLE, distance).astype(np.int32)
 
 
-def successors(graph: Int32[np.ndarray, "states 4"]) -> Int32[np.ndarray, "states 4"]:
-    """Next state for each action, a collision leading back to the state itself.
+def successors(graph: Int[np.ndarray, "states 4"]) -> Int32[np.ndarray, "states 4"]:
+    """Next state for each action, where a collision leaves the state unchanged.
 
     Args:
         graph: next state for each action, or `COLLISION`.

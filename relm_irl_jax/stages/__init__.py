@@ -1,1 +1,1 @@
-"""The stages of a run, each a function of the configuration and the stages before it."""
+"""The stages of a run: each takes the configuration and earlier results, and leaves its own in the run folder."""

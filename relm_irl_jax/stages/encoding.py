@@ -8,16 +8,10 @@ import numpy as np
 
 from relm_irl_jax.config import Config
 from relm_irl_jax.features.cache import encode_cached
-from relm_irl_jax.features.encoder import Encoder, make_encoder
-from relm_irl_jax.scenes.catalog import (
-    ROOMS,
-    SceneSettings,
-    cache_folder,
-    training_scenes,
-    unseen_scenes,
-    without_views,
-)
+from relm_irl_jax.features.encoder import N_CALIBRATION_VIEWS, Encoder, make_encoder
+from relm_irl_jax.scenes.rooms.cache import cache_folder
 from relm_irl_jax.scenes.scene import Scene
+from relm_irl_jax.scenes.selection import ROOMS, SceneSettings, training_scenes, unseen_scenes
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,9 +40,9 @@ def encode_training(config: Config) -> EncodedScenes:
     """
     scenes = training_scenes(config.scenes, config.scene)
     if config.scenes != ROOMS and all(scene.features is not None for scene in scenes):
-        return EncodedScenes([without_views(scene) for scene in scenes], None, scenes[0].encoder)
+        return EncodedScenes([scene.without_views() for scene in scenes], None, scenes[0].encoder)
     # Random weights take their statistics from training views only, so that unseen scenes stay unseen.
-    share = -(-config.encoder.calibration_views // len(scenes))
+    share = -(-N_CALIBRATION_VIEWS // len(scenes))
     views = [scene.views[:: max(1, scene.n_states // share)][:share] for scene in scenes]
     encoder = make_encoder(config.encoder, np.concatenate(views))
     return EncodedScenes([_encoded(scene, encoder) for scene in scenes], encoder, encoder.name)
@@ -71,10 +65,10 @@ def encode_unseen(config: Config, training: EncodedScenes) -> list[Scene]:
 def _encode_unseen(source: str, settings: SceneSettings, training: EncodedScenes) -> list[Scene]:
     scenes = unseen_scenes(source, settings)
     if training.encoder is None:
-        return [without_views(scene) for scene in scenes]
+        return [scene.without_views() for scene in scenes]
     return [_encoded(scene, training.encoder) for scene in scenes]
 
 
 def _encoded(scene: Scene, encoder: Encoder) -> Scene:
     features = encode_cached(scene.views, encoder, cache_folder() / "features", f"encoding {scene.name}")
-    return dataclasses.replace(without_views(scene), features=features, encoder=encoder.name)
+    return dataclasses.replace(scene.without_views(), features=features, encoder=encoder.name)

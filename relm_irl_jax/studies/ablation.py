@@ -2,18 +2,22 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
 from pydantic import TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass as settings_dataclass
 
-from relm_irl_jax.config import Agent, Config, first_fault, overlay, read_record
-from relm_irl_jax.errors import InputError
-from relm_irl_jax.report.comparison import OURS, marked, paired
-from relm_irl_jax.report.tables import METRIC_NAMES, Cell, by_seed, summarise
-from relm_irl_jax.runs import RunFolder, read_all_results, read_table
-from relm_irl_jax.studies.study import TASKS, complete, finished
+from relm_irl_jax.config import AgentName, Config, overlay, read_fields
+from relm_irl_jax.errors import InputError, first_fault
+from relm_irl_jax.report.comparison import OURS, markdown_difference
+from relm_irl_jax.report.intervals import MeanInterval, mean_interval, paired_difference
+from relm_irl_jax.report.names import metric_name
+from relm_irl_jax.report.tables import MEAN, by_seed
+from relm_irl_jax.results import TASKS, load_all_results, load_reward_quality
+from relm_irl_jax.run_folder import RunFolder
+from relm_irl_jax.studies.study import complete_run, complete_runs, is_finished
 
 BASE = "base"
 """Name of the runs that variants are compared with."""
@@ -37,7 +41,7 @@ class Variant:
 
     title: str
     set: dict[str, Any] = field(default_factory=dict)
-    agents: tuple[Agent, ...] = ("metric",)
+    agents: tuple[AgentName, ...] = ("metric",)
     quick: bool = False
 
 
@@ -53,12 +57,12 @@ class Ablation:
 
     base: dict[str, Any]
     variants: dict[str, Variant]
-    agents: dict[Agent, dict[str, Any]] = field(default_factory=dict)
+    agents: dict[AgentName, dict[str, Any]] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
-class Measured:
-    """One line of the table.
+@dataclass(frozen=True, kw_only=True)
+class AblationRow:
+    """One row of the table.
 
     Attributes:
         agent: the agent.
@@ -76,9 +80,9 @@ class Measured:
     title: str
     seeds: int
     frames: int
-    value: Mapping[tuple[str, str], Cell]
-    change: Mapping[tuple[str, str], Cell]
-    rank: Cell
+    value: Mapping[tuple[str, str], MeanInterval]
+    change: Mapping[tuple[str, str], MeanInterval]
+    rank: MeanInterval
 
 
 def load_ablation(path: Path) -> Ablation:
@@ -94,17 +98,17 @@ def load_ablation(path: Path) -> Ablation:
         InputError: the file cannot be read, or a field in it is unknown or refused.
     """
     try:
-        ablation = TypeAdapter(Ablation).validate_python(read_record(path))
+        ablation = TypeAdapter(Ablation).validate_python(read_fields(path))
     except ValidationError as error:
         raise InputError(f"{path}: {first_fault(error)}") from error
     for name in (BASE, *ablation.variants):
-        for agent in get_args(Agent):
-            configure(ablation, name, agent, {}, path)
+        for agent in get_args(AgentName):
+            variant_config(ablation, name, agent, {}, path)
     return ablation
 
 
-def configure(ablation: Ablation, name: str, agent: Agent, changes: Mapping[str, Any], folder: Path) -> Config:
-    """The configuration of one line of the table.
+def variant_config(ablation: Ablation, name: str, agent: AgentName, changes: Mapping[str, Any], folder: Path) -> Config:
+    """The configuration of one row of the table.
 
     Args:
         ablation: base and variants.
@@ -138,14 +142,14 @@ def run_ablation(ablation: Ablation, names: Sequence[str], changes: Mapping[str,
         changes: fields laid over the base before each variant.
         folder: folder of all runs of the ablation.
     """
-    jobs = [(name, agent) for name in names for agent in ablation.variants[name].agents]
-    bases = [(BASE, agent) for agent in dict.fromkeys(agent for _, agent in jobs)]
-    for config in [configure(ablation, name, agent, changes, folder) for name, agent in (*bases, *jobs)]:
-        complete(config, maps=False)
+    variants = [(name, agent) for name in names for agent in ablation.variants[name].agents]
+    bases = [(BASE, agent) for agent in dict.fromkeys(agent for _, agent in variants)]
+    runs = [variant_config(ablation, name, agent, changes, folder) for name, agent in (*bases, *variants)]
+    complete_runs(runs, partial(complete_run, maps=False))
 
 
-def measure(ablation: Ablation, changes: Mapping[str, Any], folder: Path) -> list[Measured]:
-    """The lines of the table whose runs are finished.
+def ablation_rows(ablation: Ablation, changes: Mapping[str, Any], folder: Path) -> list[AblationRow]:
+    """The rows of the table whose runs are finished.
 
     Args:
         ablation: base and variants.
@@ -153,58 +157,61 @@ def measure(ablation: Ablation, changes: Mapping[str, Any], folder: Path) -> lis
         folder: folder of all runs of the ablation.
 
     Returns:
-        The lines, the base of each agent first.
+        The rows, the base of each agent first.
     """
-    lines = []
-    for agent in get_args(Agent):
+    rows = []
+    for agent in get_args(AgentName):
         base: BySeed = {}
         for name in (BASE, *ablation.variants):
-            config = configure(ablation, name, agent, changes, folder)
-            if not finished(config) or (name != BASE and not base):
+            config = variant_config(ablation, name, agent, changes, folder)
+            if not is_finished(config) or (name != BASE and not base):
                 continue
-            held = RunFolder(folder / f"{agent}-{name}")
-            results = read_all_results(held)
-            own: BySeed = {(t, m): by_seed(results[t]["rows"], OURS, m, "mean") for t in TASKS for m in METRICS}
+            run = RunFolder(folder / f"{agent}-{name}")
+            results = load_all_results(run)
+            own: BySeed = {(t, m): by_seed(results[t].rows, OURS, m, MEAN) for t in TASKS for m in METRICS}
             if name == BASE:
                 base = own
             title = "base" if name == BASE else ablation.variants[name].title
-            value: dict[tuple[str, str], Cell] = {key: summarise(list(seeds.values())) for key, seeds in own.items()}
-            change: dict[tuple[str, str], Cell] = (
-                {} if name == BASE else {key: paired(seeds, base[key])[0] for key, seeds in own.items()}
+            value = {key: mean_interval(list(seeds.values())) for key, seeds in own.items()}
+            change = {key: paired_difference(seeds, base[key])[0] for key, seeds in own.items() if name != BASE}
+            rank = mean_interval([_rank_of_new_targets(run, seed) for seed in range(config.seeds)])
+            rows.append(
+                AblationRow(
+                    agent=agent,
+                    name=name,
+                    title=title,
+                    seeds=config.seeds,
+                    frames=config.frames,
+                    value=value,
+                    change=change,
+                    rank=rank,
+                )
             )
-            rank = summarise([_rank(held.rewards(seed, "quality.csv")) for seed in range(config.seeds)])
-            lines.append(Measured(agent, name, title, config.seeds, config.frames, value, change, rank))
-    return lines
+    return rows
 
 
-def _rank(path: Path) -> float:
-    """Median rank of new targets under our predicted rewards."""
-    table = read_table(path)
-    return next(
-        float(rank)
-        for method, targets, rank in zip(table["method"], table["targets"], table["median_rank"], strict=True)
-        if (method, targets) == (OURS, "new")
-    )
+def _rank_of_new_targets(run: RunFolder, seed: int) -> float:
+    """Median rank of new targets under our predicted rewards; NaN where it was not measured."""
+    quality = load_reward_quality(run.rewards(seed, "quality.csv"))
+    return next((row.median_rank for row in quality if (row.method, row.targets) == (OURS, "new")), float("nan"))
 
 
-def ablation_columns(lines: Sequence[Measured]) -> dict[str, list]:
-    """The table as columns, one row for each line, task and metric.
+def ablation_columns(rows: Sequence[AblationRow]) -> dict[str, list]:
+    """The table as columns, one row for each run, task and metric.
 
     Args:
-        lines: the lines.
+        rows: the rows.
 
     Returns:
         Columns for `write_table`; the base's change is NaN.
     """
-    nothing = Cell(float("nan"), float("nan"))
-    rows = []
-    for line in lines:
-        for (task, metric), value in line.value.items():
-            change = line.change.get((task, metric), nothing)
-            key = (line.agent, line.name, task, metric)
-            cells = (value, change, line.rank)
-            spread = [number for cell in cells for number in (cell.mean, cell.half_width)]
-            rows.append((*key, *spread, line.seeds, line.frames))
+    nothing = MeanInterval(float("nan"), float("nan"))
+    table = []
+    for row in rows:
+        for (task, metric), value in row.value.items():
+            intervals = (value, row.change.get((task, metric), nothing), row.rank)
+            numbers = [number for interval in intervals for number in (interval.mean, interval.half_width)]
+            table.append((row.agent, row.name, task, metric, *numbers, row.seeds, row.frames))
     names = (
         "agent",
         "variant",
@@ -219,27 +226,25 @@ def ablation_columns(lines: Sequence[Measured]) -> dict[str, list]:
         "seeds",
         "frames",
     )
-    return dict(zip(names, map(list, zip(*rows, strict=True)), strict=True))
+    return dict(zip(names, map(list, zip(*table, strict=True)), strict=True))
 
 
-def ablation_table(lines: Sequence[Measured], metric: str) -> str:
-    """The table of one agent and metric; changes whose interval excludes zero are bold.
+def ablation_table(rows: Sequence[AblationRow], metric: str) -> str:
+    """The table of one agent and metric; significant changes are bold.
 
     Args:
-        lines: lines of one agent.
+        rows: rows of one agent.
         metric: `sr` or `spl`.
 
     Returns:
         A Markdown table.
     """
-    name = METRIC_NAMES[metric].split()[0]
-    head = "| | rank | " + " | ".join(f"Task {task}: {name} | change" for task in TASKS) + " |"
-    lines_ = [head, "|---|---:|" + "---:|---:|" * 3]
-    for line in lines:
-        cells = [line.title, f"{line.rank:.1f}"]
+    head = "| | rank | " + " | ".join(f"Task {task}: {metric_name(metric)} | change" for task in TASKS) + " |"
+    lines = [head, "|---|---:|" + "---:|---:|" * len(TASKS)]
+    for row in rows:
+        texts = [row.title, f"{row.rank:.1f}"]
         for task in TASKS:
-            cells.append(str(line.value[task, metric]))
-            change = line.change.get((task, metric))
-            cells.append("" if change is None else marked(change))
-        lines_.append("| " + " | ".join(cells) + " |")
-    return "\n".join(lines_)
+            change = row.change.get((task, metric))
+            texts += [str(row.value[task, metric]), "" if change is None else markdown_difference(change)]
+        lines.append("| " + " | ".join(texts) + " |")
+    return "\n".join(lines)

@@ -1,15 +1,21 @@
-"""The page of the whole study: both agents' tables and figures, the machine's figures, and the ablations."""
+"""The page of the whole study: tables and figures of all runs, the regressor's figures, and the ablations."""
 
-import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
+from typing import ParamSpec
 
-from relm_irl_jax.report.comparison import Difference, differences, statement
-from relm_irl_jax.report.curves import thousands
-from relm_irl_jax.report.page import circumstances, run_sections, write_page
-from relm_irl_jax.report.tables import Cell
-from relm_irl_jax.runs import find_run, read_all_results, read_table, write_table
-from relm_irl_jax.studies.ablation import Measured, ablation_columns, ablation_table
+from relm_irl_jax.config import config_from_dict, read_fields
+from relm_irl_jax.errors import InputError
+from relm_irl_jax.files import read_numbers, read_table, write_table
+from relm_irl_jax.report.comparison import PairedDifference, differences, statement
+from relm_irl_jax.report.intervals import MeanInterval
+from relm_irl_jax.report.run_report import circumstances, run_sections, write_page
+from relm_irl_jax.results import load_all_results
+from relm_irl_jax.run_folder import RunFolder
+from relm_irl_jax.studies.ablation import AblationRow, ablation_columns, ablation_table
+
+P = ParamSpec("P")
 
 CLAIM = (
     "The paper claims that rewards predicted by a regularised extreme learning machine (RELM-IRL) navigate better than "
@@ -27,36 +33,50 @@ RUN_TITLES = {
 """Runs of a study on all tasks, by the names of their folders."""
 
 
-def write_study(out: Path, lines: Sequence[Measured]) -> Path:
+def write_study(out: Path, ablation: Sequence[AblationRow]) -> Path:
     """Write `report.html` and `report.md` of a study from the runs that its folder holds.
 
     Args:
         out: folder of the study.
-        lines: the ablations' lines.
+        ablation: rows of the ablation.
 
     Returns:
         The Markdown file.
     """
-    runs = [(name, *find_run(out / name)) for name in RUN_TITLES if list((out / name).glob("results-*.json"))]
+    runs = {name: RunFolder(out / name) for name in RUN_TITLES if list((out / name).glob("results-*.json"))}
     text = ["# RELM-IRL: every table and figure, measured", "", CLAIM, ""]
-    for name, folder, _ in runs:
-        found = differences(read_all_results(folder))
-        text += [f"**{RUN_TITLES[name]}.** {tally(found)}", "", *(f"- {line}" for line in statement(found)), ""]
+    for name, folder in runs.items():
+        text += _readable(_findings, folder, RUN_TITLES[name])
     text += [
         "These sentences are worded by the intervals alone: *ahead of* and *behind* where the 95% interval of the "
         "difference over seeds excludes zero. Seeds are 0, 1, …; none is left out.",
         "",
     ]
-    for name, folder, config in runs:
-        text += [f"## {RUN_TITLES[name]}", "", *run_sections(folder, config, out, "###", worded=False)]
-    text += [*_machine_figures(out), *_ablations(out, lines), *_stability(out)]
+    for name, folder in runs.items():
+        sections = partial(run_sections, worded=False)
+        text += [f"## {RUN_TITLES[name]}", "", *_readable(sections, folder, out, "###")]
+    text += [*_readable(_regressor, out), *_ablation(out, ablation), *_readable(_stability, out)]
     text += ["Rewards that runs share are learned once; their seconds are counted in the run that learned them.", ""]
-    for name, folder, config in runs:
-        text += [f"## Circumstances: {RUN_TITLES[name]}", "", *circumstances(folder, config, "###")]
+    for name, folder in runs.items():
+        text += [f"## Circumstances: {RUN_TITLES[name]}", "", *_readable(circumstances, folder, "###")]
     return write_page(text, out)
 
 
-def tally(found: Sequence[Difference]) -> str:
+def _readable(section: Callable[P, list[str]], *arguments: P.args, **named: P.kwargs) -> list[str]:
+    """A section of the page; one line where what it shows is missing or damaged."""
+    try:
+        return section(*arguments, **named)
+    except InputError as error:
+        return [f"Not shown: {error}", ""]
+
+
+def _findings(folder: RunFolder, title: str) -> list[str]:
+    """What the intervals of a run say."""
+    found = differences(load_all_results(folder))
+    return [f"**{title}.** {tally(found)}", "", *(f"- {line}" for line in statement(found)), ""]
+
+
+def tally(found: Sequence[PairedDifference]) -> str:
     """Count what the differences say.
 
     Args:
@@ -74,16 +94,18 @@ def tally(found: Sequence[Difference]) -> str:
     )
 
 
-def _machine_figures(out: Path) -> list[str]:
+def _regressor(out: Path) -> list[str]:
+    """Figures 7 to 10."""
     if not (out / "elm" / "choices.csv").exists():
         return []
-    accuracy = read_table(out / "elm" / "accuracy.csv")
-    config = json.loads((out / "elm" / "settings.json").read_text())["config"]
+    accuracy = read_numbers(out / "elm" / "accuracy.csv", ["seed", "elm_r2", "relm_r2", "kept"])
+    settings = out / "elm" / "settings.json"
+    elm = config_from_dict(read_fields(settings).get("config", {}), str(settings)).elm
     return [
         "## What the extreme learning machine learns (Figures 7 to 10)",
         "",
-        f"One target in six is held out with all its pairs; at most {config['elm']['pairs']} pairs are fitted, "
-        f"{config['elm']['hidden']} neurons before selection; {len(accuracy['seed'])} seeds. The paper neither says "
+        f"One target in six is held out with all its pairs; at most {elm.pairs} pairs are fitted, "
+        f"{elm.hidden} neurons before selection; {len(accuracy['seed'])} seeds. The paper neither says "
         "how its test set was drawn nor defines its accuracy; R² is 1 for a perfect prediction.",
         "",
         "![R² against the number of hidden neurons](elm/figure-7.png)",
@@ -101,33 +123,35 @@ def _machine_figures(out: Path) -> list[str]:
         "| Seed | R², all neurons | R², regularised | Neurons kept |",
         "|---|---:|---:|---:|",
         *(
-            f"| {seed} | {float(plain):.3f} | {float(regularised):.3f} | {float(kept):.0f} |"
+            f"| {seed:.0f} | {plain:.3f} | {regularised:.3f} | {kept:.0f} |"
             for seed, plain, regularised, kept in zip(*accuracy.values(), strict=True)
         ),
         "",
         "Pairs of one target have the same weights, so that leaving out one pair at a time, as in the paper, does not "
-        "say what a machine is worth for new targets; leaving out all pairs of a target does.",
+        "say what a regressor is worth for new targets; leaving out all pairs of a target does.",
         "",
         "| Chosen by | R² on held-out targets | Neurons kept |",
         "|---|---:|---:|",
-        *(
-            f"| {row['choice']} | {Cell(float(row['accuracy']), float(row['accuracy_half_width']))} "
-            f"| {thousands(Cell(float(row['kept']), float(row['kept_half_width'])))} |"
-            for row in _rows(read_table(out / "elm" / "choices.csv"))
-        ),
+        *_choices(out / "elm" / "choices.csv"),
         "",
     ]
 
 
-def _rows(table: Mapping[str, list[str]]) -> list[dict[str, str]]:
-    return [dict(zip(table, values, strict=True)) for values in zip(*table.values(), strict=True)]
+def _choices(path: Path) -> list[str]:
+    """What several ways to choose neurons are worth, as rows of a table."""
+    columns = ["accuracy", "accuracy_half_width", "kept", "kept_half_width"]
+    rows = zip(*(column.tolist() for column in read_numbers(path, columns).values()), strict=True)
+    return [
+        f"| {choice} | {MeanInterval(accuracy, accuracy_error)} | {MeanInterval(kept, kept_error):,.0f} |"
+        for choice, (accuracy, accuracy_error, kept, kept_error) in zip(read_table(path)["choice"], rows, strict=True)
+    ]
 
 
-def _ablations(out: Path, lines: Sequence[Measured]) -> list[str]:
-    if not lines:
+def _ablation(out: Path, rows: Sequence[AblationRow]) -> list[str]:
+    """What changes where one setting is changed."""
+    if not rows:
         return []
-    (out / "tables").mkdir(parents=True, exist_ok=True)
-    write_table(out / "tables" / "ablation.csv", ablation_columns(lines))
+    write_table(out / "tables" / "ablation.csv", ablation_columns(rows))
     text = [
         "## What the paper leaves open",
         "",
@@ -137,14 +161,15 @@ def _ablations(out: Path, lines: Sequence[Measured]) -> list[str]:
         "and target places a new target among the states of its scene, in the median over targets; 1 is best.",
         "",
     ]
-    for agent in dict.fromkeys(line.agent for line in lines):
-        own = [line for line in lines if line.agent == agent]
+    for agent in dict.fromkeys(row.agent for row in rows):
+        own = [row for row in rows if row.agent == agent]
         text += [f"### {RUN_TITLES[agent]}", "", f"{own[0].frames:,} training frames, {own[0].seeds} seeds.", ""]
         text += [ablation_table(own, "sr"), "", ablation_table(own, "spl"), ""]
     return text
 
 
 def _stability(out: Path) -> list[str]:
+    """How far reward weights move."""
     if not (out / "stability" / "stability.csv").exists():
         return []
     table = read_table(out / "stability" / "stability.csv")

@@ -1,34 +1,45 @@
-"""One run on all three tasks, kept where it is finished; runs of a study share what they can."""
+"""Runs of a study: each on all three tasks and kept where it is finished, one after the other or side by side.
 
-from collections.abc import Sequence
+Runs go through `joblib.Parallel`, by default one after the other in this process. Its context sends them elsewhere:
+
+    with joblib.parallel_config(backend="loky", n_jobs=4):   # or "dask", "ray", ...
+        complete_runs(configs, complete_run)
+
+Runs that follow each other in one process share encoded scenes and learned rewards as far as their configurations
+agree; other processes learn them again. A run writes to its own folder alone, which all processes must see.
+"""
+
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
-from typing import get_args
+from typing import TypeVar
 
-from relm_irl_jax.config import Config, Method, Task, config_record, load_config, overlay, read_record
+from joblib import Parallel, delayed
+
+from relm_irl_jax.config import Config, config_to_dict, load_config, overlay, read_fields
 from relm_irl_jax.elm import ELMRegressor
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.pipeline import run
 from relm_irl_jax.progress import console
-from relm_irl_jax.rewards.demonstrations import DemonstratedReward, RewardBasis
-from relm_irl_jax.runs import CONFIG_FILE, RunFolder, read_all_results
+from relm_irl_jax.results import TASKS, load_all_results
+from relm_irl_jax.rewards.learned import LearnedRewards, fit_regressors, learn_demonstrated
+from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.stages.encoding import EncodedScenes, encode_training
-from relm_irl_jax.stages.learning import LearnedRewards, fit_machines, learn_demonstrated
 from relm_irl_jax.tasks import TaskSplit, draw_split
 
-TASKS: tuple[Task, ...] = get_args(Task)
-
-SEEN = ("scenes", "scene", "encoder")
+SCENE_FIELDS = ("scenes", "scene", "encoder")
 """Fields on which encoded scenes depend."""
-DEMONSTRATED = (*SEEN, "tasks", "irl")
+DEMONSTRATION_FIELDS = (*SCENE_FIELDS, "tasks", "irl")
 """Fields on which demonstrated rewards depend."""
-FITTED = (*DEMONSTRATED, "elm")
-"""Fields on which the machines depend."""
+PREDICTION_FIELDS = (*DEMONSTRATION_FIELDS, "elm")
+"""Fields on which the regressors depend."""
+
+Run = TypeVar("Run")
 
 
-def preset(path: Path, overlays: Sequence[Path] = ()) -> Config:
+def load_preset(path: Path, overlays: Sequence[Path] = ()) -> Config:
     """Read a configuration, and lay others over it.
 
     Args:
@@ -43,35 +54,40 @@ def preset(path: Path, overlays: Sequence[Path] = ()) -> Config:
     """
     config = load_config(path)
     for over in overlays:
-        config = overlay(config, read_record(over), str(over))
+        config = overlay(config, read_fields(over), str(over))
     return config
 
 
-def complete(config: Config, *, maps: bool = True) -> RunFolder:
-    """Train and evaluate on all tasks what the run folder does not hold yet.
+def complete_runs(runs: Sequence[Run], complete: Callable[[Run], object]) -> None:
+    """Complete runs as joblib's context says, by default one after the other in this process.
+
+    Args:
+        runs: the runs, such as their configurations.
+        complete: completes one, such as `complete_run`.
+    """
+    Parallel()(delayed(complete)(run) for run in runs)
+
+
+def complete_run(config: Config, *, maps: bool = True) -> None:
+    """Train and evaluate on all tasks what the run folder does not hold yet, and write its report.
 
     Args:
         config: the configuration; `run` names the folder.
-        maps: whether to draw episodes and rewards from above.
-
-    Returns:
-        The run folder, its report written.
+        maps: whether to save maps of episodes and rewards.
     """
-    assert config.run is not None
-    folder = RunFolder(config.run)
-    if finished(config):
+    if is_finished(config):
         console.print(f"{config.run}: is finished", highlight=False)
-        return folder
+        return
     console.print(f"{config.run}", highlight=False)
-    return run(config, TASKS, _encoded(_only(config, SEEN)), remembered, maps=maps)
+    run(config, TASKS, _encoded(_only(config, SCENE_FIELDS)), learn_shared, maps=maps)
 
 
-def remembered(config: Config, scenes: Sequence[Scene], split: TaskSplit, seed: int) -> LearnedRewards:
-    """Learn rewards as `learn` does, once for all runs of a study that share them.
+def learn_shared(config: Config, scenes: Sequence[Scene], split: TaskSplit, seed: int) -> LearnedRewards:
+    """Learn rewards as `learn` does, once for all runs of this process that share them.
 
     Args:
         config: the configuration.
-        scenes: encoded training scenes, those of the configuration.
+        scenes: encoded training scenes, as the configuration gives them.
         split: the targets of all tasks, drawn from the configuration and the seed.
         seed: the run's seed.
 
@@ -79,17 +95,18 @@ def remembered(config: Config, scenes: Sequence[Scene], split: TaskSplit, seed: 
         The learned rewards.
     """
     del scenes, split  # they follow from the rest
-    fitted = replace(_only(config, FITTED), elm=replace(config.elm, follow=False))
-    return LearnedRewards(*_demonstrated(_only(config, DEMONSTRATED), seed), _machines(fitted, seed))
+    fitted = replace(_only(config, PREDICTION_FIELDS), elm=replace(config.elm, predict_from="start"))
+    demonstrated = _demonstrated(_only(config, DEMONSTRATION_FIELDS), seed)
+    return replace(demonstrated, regressors=_regressors(fitted, seed))
 
 
-def forget() -> None:
+def forget_shared() -> None:
     """Forget scenes and rewards of earlier runs."""
-    for memory in (_encoded, _demonstrated, _machines):
-        memory.cache_clear()
+    for cached in (_encoded, _demonstrated, _regressors):
+        cached.cache_clear()
 
 
-def finished(config: Config) -> bool:
+def is_finished(config: Config) -> bool:
     """Whether a run folder holds all results of a configuration, in the settings that it asks for.
 
     Args:
@@ -98,26 +115,26 @@ def finished(config: Config) -> bool:
     Returns:
         True where nothing is left to do.
     """
-    assert config.run is not None
-    if not (config.run / CONFIG_FILE).exists():
+    if config.run is None:
+        raise InputError("run: a study needs the folder of each of its runs; give one.")
+    folder = RunFolder(config.run)
+    if not folder.config.exists() or not (folder.path / "report.html").exists():
         return False
-    wanted = {k: v for k, v in config_record(config).items() if k not in ("run", "task")}
-    held = {k: v for k, v in config_record(load_config(config.run / CONFIG_FILE)).items() if k not in ("run", "task")}
+    if _compared(load_config(folder.config)) != _compared(config):
+        return False
     try:
-        results = read_all_results(RunFolder(config.run))
+        results = load_all_results(folder)
     except InputError:
         return False
-    jobs = {(method, seed) for method in config.chosen_methods() for seed in range(config.seeds)}
-    return (
-        held == wanted
-        and set(results) == set(TASKS)
-        and (config.run / "report.html").exists()
-        and all(
-            jobs <= {(row["method"], row["seed"]) for row in record["rows"] if row["episodes"] == wanted_episodes}
-            for record in results.values()
-            for wanted_episodes in [config.evaluation.episodes]
-        )
-    )
+    asked = {(method, seed) for method in config.chosen_methods() for seed in range(config.seeds)}
+    episodes = config.evaluation.episodes
+    measured = [{(row.method, row.seed) for row in r.rows if row.episodes == episodes} for r in results.values()]
+    return set(results) == set(TASKS) and all(asked <= found for found in measured)
+
+
+def _compared(config: Config) -> dict:
+    """The fields on which the results of all tasks depend."""
+    return {name: value for name, value in config_to_dict(config).items() if name not in ("run", "task")}
 
 
 def _only(config: Config, fields: Sequence[str]) -> Config:
@@ -131,12 +148,12 @@ def _encoded(config: Config) -> EncodedScenes:
 
 
 @lru_cache(maxsize=8)
-def _demonstrated(config: Config, seed: int) -> tuple[RewardBasis, list[DemonstratedReward]]:
-    scenes = _encoded(_only(config, SEEN)).scenes
-    return learn_demonstrated(config, scenes, draw_split(scenes, (), config.tasks, seed), seed)
+def _demonstrated(config: Config, seed: int) -> LearnedRewards:
+    scenes = _encoded(_only(config, SCENE_FIELDS)).scenes
+    return learn_demonstrated(scenes, draw_split(scenes, (), config.tasks, seed), config.irl, seed)
 
 
 @lru_cache(maxsize=8)
-def _machines(config: Config, seed: int) -> dict[Method, ELMRegressor]:
-    _, records = _demonstrated(_only(config, DEMONSTRATED), seed)
-    return fit_machines(config, _encoded(_only(config, SEEN)).scenes, records, seed)
+def _regressors(config: Config, seed: int) -> dict[str, ELMRegressor]:
+    demonstrated = _demonstrated(_only(config, DEMONSTRATION_FIELDS), seed).demonstrated
+    return fit_regressors(_encoded(_only(config, SCENE_FIELDS)).scenes, demonstrated, config.elm, seed)

@@ -7,7 +7,7 @@ import pytest
 from safetensors.numpy import save_file
 
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.features import weights
+from relm_irl_jax.features import pretrained, weights
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +33,7 @@ def test_a_file_with_torchvisions_classifier_and_counters_loads(state, tmp_path)
         "bn1.num_batches_tracked": np.asarray(7),
     }
     save_file({**state, **extra}, path)
-    loaded = weights.load_state_dict(path)
+    loaded = pretrained.load_state_dict(path)
     assert loaded.keys() == weights.expected_shapes().keys()
     assert weights.fingerprint(loaded) == weights.fingerprint(state)
 
@@ -58,24 +58,24 @@ def test_a_damaged_file_is_named_with_its_tensor(state, tmp_path, name, value, s
     broken = {key: tensor for key, tensor in state.items() if key != name}
     save_file(broken if value is None else broken | {name: value}, path)
     with pytest.raises(InputError, match=says) as error:
-        weights.load_state_dict(path)
+        pretrained.load_state_dict(path)
     assert str(path) in str(error.value)
     assert name in str(error.value)
 
 
 def test_a_missing_file_and_a_file_of_another_format_are_input_errors(tmp_path):
     with pytest.raises(InputError, match="no such file"):
-        weights.load_state_dict(tmp_path / "absent.safetensors")
+        pretrained.load_state_dict(tmp_path / "absent.safetensors")
     pickle = tmp_path / "resnet50.pth"
     pickle.write_bytes(b"\x80\x02}q\x00.")
     with pytest.raises(InputError, match="not a readable safetensors file"):
-        weights.load_state_dict(pickle)
+        pretrained.load_state_dict(pickle)
 
 
 @pytest.fixture
 def cache(monkeypatch, tmp_path):
     """An empty cache folder, and a hub that answers with whatever the test puts into `hub`."""
-    monkeypatch.setattr(weights.platformdirs, "user_cache_path", lambda *_, **__: tmp_path)
+    monkeypatch.setattr(pretrained.platformdirs, "user_cache_path", lambda *_, **__: tmp_path)
     return tmp_path
 
 
@@ -83,11 +83,11 @@ def test_without_a_network_the_error_says_where_to_put_the_file(monkeypatch, cac
     def offline(*_, **__):
         raise ConnectionError("no network")
 
-    monkeypatch.setattr(weights, "hf_hub_download", offline)
+    monkeypatch.setattr(pretrained, "hf_hub_download", offline)
     with pytest.raises(InputError, match="could not be downloaded") as error:
-        weights.fetch_published("imagenet")
-    assert str(weights.published_path("imagenet")) in str(error.value)
-    assert cache in weights.published_path("imagenet").parents
+        pretrained.fetch_published("imagenet")
+    assert str(pretrained.published_path("imagenet")) in str(error.value)
+    assert cache in pretrained.published_path("imagenet").parents
 
 
 def test_a_download_is_kept_and_its_checksum_compared(monkeypatch, cache):
@@ -98,13 +98,13 @@ def test_a_download_is_kept_and_its_checksum_compared(monkeypatch, cache):
         local_dir.mkdir(parents=True)
         (local_dir / name).write_bytes(content)
 
-    monkeypatch.setattr(weights, "hf_hub_download", download)
+    monkeypatch.setattr(pretrained, "hf_hub_download", download)
     checksum = hashlib.sha256(content).hexdigest()
-    monkeypatch.setitem(weights.PUBLISHED, "imagenet", weights.Published("timm/resnet50", "abc", checksum))
-    path = weights.fetch_published("imagenet")
-    assert weights.fetch_published("imagenet") == path
+    monkeypatch.setitem(pretrained.PUBLISHED, "imagenet", pretrained.PublishedWeights("timm/resnet50", "abc", checksum))
+    path = pretrained.fetch_published("imagenet")
+    assert pretrained.fetch_published("imagenet") == path
     assert downloads == [("timm/resnet50", "abc")]
 
     path.write_bytes(b"something else")
     with pytest.raises(InputError, match="not the published"):
-        weights.fetch_published("imagenet")
+        pretrained.fetch_published("imagenet")

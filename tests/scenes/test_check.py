@@ -8,8 +8,8 @@ import pytest
 from builders import grid_scene
 
 from relm_irl_jax.scenes.check import check_files, check_scene, check_table
-from relm_irl_jax.scenes.dump import save_scene
 from relm_irl_jax.scenes.scene import shortest_path_distances
+from relm_irl_jax.scenes.scene_file import save_scene
 
 
 @pytest.fixture
@@ -25,11 +25,11 @@ def test_a_sound_scene_has_no_fault(scene):
     assert check_scene(scene) == ((), ())
 
 
-def test_turns_the_other_way_round_are_a_note(scene):
+def test_turns_of_the_opposite_direction_are_a_note(scene):
     mirrored = regraphed(scene, scene.graph[:, [0, 2, 1, 3]].copy())
     faults, notes = check_scene(mirrored)
     assert not faults
-    assert notes == ("turns go the other way round",)
+    assert notes == ("turns have the opposite direction",)
 
 
 def test_rounding_noise_is_no_fault(scene):
@@ -51,7 +51,7 @@ def damaged_graph(scene, state, action, onward):
         (lambda s: damaged_graph(s, 0, 0, 5), "MoveAhead from state 0 changes the heading"),
         (lambda s: damaged_graph(s, 0, 1, 2), "RotateRight from state 0 is no turn by 90 degrees"),
         (lambda s: damaged_graph(s, 0, 1, 5), "RotateRight from state 0 leaves its place"),
-        (lambda s: damaged_graph(s, 0, 1, 3), "some turns go one way round"),
+        (lambda s: damaged_graph(s, 0, 1, 3), "some turns have one direction"),
         (lambda s: damaged_graph(s, 4, 3, -1), "MoveBack does not undo MoveAhead from state 0"),
         (lambda s: replace(s, rotation=s.rotation + np.eye(24)[5] * 30), "dataset `rotation` holds 120 at state 5"),
         (lambda s: replace(s, location=s.location[[*range(20), *range(4)]]), "hold 4 poses twice, first state 0"),
@@ -90,6 +90,8 @@ def test_an_original_dump_is_sound(tmp_path):
         file["graph"] = graph
         file["shortest_path_distance"] = shortest_path_distances(graph).astype(np.int64)
     checked = check_files([path])[0]
-    assert (checked.faults, checked.notes, checked.unreachable) == ((), (), 1)
+    assert (checked.faults, checked.notes, checked.image_size) == ((), (), (300, 400))
+    assert checked.scene.reachable.tolist() == list(range(8))
+    assert checked.scene.observation is None
     assert checked.scene.room_type == "bathroom"
     assert (checked.scene.shortest_path_distance[8] == [*[-1] * 8, 0]).all()

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.scenes.check import check_files
-from relm_irl_jax.scenes.dump import load_scene
 from relm_irl_jax.scenes.scene import Scene
+from relm_irl_jax.scenes.scene_file import load_scene
 
 FUZZ = settings(max_examples=60, deadline=2000, derandomize=True, suppress_health_check=list(HealthCheck))
 DATASETS = (

@@ -1,4 +1,4 @@
-"""The AI2-THOR source against a stand-in for its controller that answers, and fails, as the simulator does."""
+"""Recording of AI2-THOR against a stand-in for its controller that answers, and fails, as the simulator does."""
 
 import inspect
 import json
@@ -12,8 +12,8 @@ import pytest
 from relm_irl_jax.cli import main
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.scenes.check import check_scene
-from relm_irl_jax.scenes.record import record_scene
-from relm_irl_jax.scenes.thor import ThorSettings, read_house, room_type_of_plan, thor_scene
+from relm_irl_jax.scenes.recording.record import record_scene
+from relm_irl_jax.scenes.recording.thor import ThorSettings, read_house, room_type_of_floor_plan, thor_scene
 
 SETTINGS = ThorSettings(image_size=8)
 PLAN = ["...", ".#.", "..."]  # places 0.5 m apart, the first at (-1.25, 2.75)
@@ -105,17 +105,17 @@ def recorded(path, name="FloorPlan401", place="FloorPlan401", **misbehaviour):
         controllers.append(Controller(**given, **misbehaviour))
         return controllers[-1]
 
-    with thor_scene(name, place, SETTINGS, make) as source:
-        recording = record_scene(source, path)
+    with thor_scene(name, place, SETTINGS, make) as scene:
+        recording = record_scene(scene, path)
     return recording, controllers[0]
 
 
-def test_a_room_becomes_a_sound_scene(tmp_path):
+def test_a_room_becomes_a_valid_scene(tmp_path):
     recording, controller = recorded(tmp_path / "room.h5")
     scene = recording.scene
     assert check_scene(scene) == ((), ())
     assert (scene.n_states, scene.room_type, scene.views.shape) == (32, "bathroom", (32, 8, 8, 3))
-    assert (recording.dropped, recording.closed, recording.cut_off) == (0, 0, 0)
+    assert (recording.refused, recording.closed, recording.disconnected) == (0, 0, 0)
     assert tuple(scene.location[0]) == (-1.25, 2.75)
     assert scene.categories == ("Chair", "Sink")
     assert scene.visible_object is not None
@@ -135,13 +135,13 @@ def test_every_action_starts_with_a_teleport(tmp_path):
     assert all(before == "Teleport" for before, action in pairs if action.startswith(("Move", "Rotate")))
 
 
-def test_refused_teleports_and_drifted_poses_are_dropped(tmp_path):
+def test_refused_teleports_and_drifted_poses_are_left_out(tmp_path):
     recording, _ = recorded(tmp_path / "room.h5", refused=[(-1.25, 2.75)], drifting=[(-0.75, 2.75)])
-    assert (recording.dropped, recording.scene.n_states) == (8, 24)
+    assert (recording.refused, recording.scene.n_states) == (8, 24)
     assert check_scene(recording.scene)[0] == ()
 
 
-def test_a_simulator_that_dies_midway_is_one_sentence_and_the_record_goes_on(tmp_path):
+def test_a_simulator_that_dies_midway_is_one_sentence_and_the_recording_continues(tmp_path):
     path = tmp_path / "room.h5"
     with pytest.raises(InputError, match=r"stopped at \w+ \(Reading from .* timed out\); give the same command again"):
         recorded(path, dies_after=100)
@@ -212,8 +212,8 @@ def test_a_scene_without_reachable_positions():
         ("FloorPlan_Train1_1", "house"),
     ],
 )
-def test_room_types_of_plans(name, room_type):
-    assert room_type_of_plan(name) == room_type
+def test_room_types_of_floor_plans(name, room_type):
+    assert room_type_of_floor_plan(name) == room_type
 
 
 def test_the_calls_fit_the_real_package():

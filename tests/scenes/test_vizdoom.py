@@ -1,4 +1,4 @@
-"""The ViZDoom source against the engine itself, on the first Freedoom map."""
+"""Recording of ViZDoom against the engine itself, on the first Freedoom map."""
 
 import itertools
 import re
@@ -6,7 +6,6 @@ import struct
 import sys
 import tempfile
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,11 +13,11 @@ import pytest
 from relm_irl_jax.cli import main
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.scenes.check import check_scene
-from relm_irl_jax.scenes.dump import load_scene
-from relm_irl_jax.scenes.record import record_scene
+from relm_irl_jax.scenes.recording.record import record_scene
+from relm_irl_jax.scenes.recording.simulator import AHEAD, BACK, Pose, next_pose
+from relm_irl_jax.scenes.recording.vizdoom import VizdoomSettings, reachable_places, vizdoom_map, vizdoom_maps
 from relm_irl_jax.scenes.scene import HEADINGS
-from relm_irl_jax.scenes.source import AHEAD, BACK, Pose, stepped
-from relm_irl_jax.scenes.vizdoom import VizdoomSettings, _region, vizdoom_map, vizdoom_maps
+from relm_irl_jax.scenes.scene_file import load_scene
 
 SETTINGS = VizdoomSettings(states=24, image_size=120)
 UNITS = 64
@@ -45,12 +44,12 @@ def heading(source, rotation):
     return source.poses[0]._replace(rotation=rotation)
 
 
-def test_the_region_is_a_sound_scene(source, tmp_path):
+def test_the_region_is_a_valid_scene(source, tmp_path):
     recording = record_scene(source, tmp_path / "map01.h5")
     scene = recording.scene
     assert check_scene(scene) == ((), ())
     assert (scene.n_states, scene.room_type, scene.views.shape[1:]) == (24, "doom", (120, 120, 3))
-    assert (recording.dropped, recording.closed, recording.cut_off) == (0, 0, 0)
+    assert (recording.refused, recording.closed, recording.disconnected) == (0, 0, 0)
     assert tuple(scene.location[0] * UNITS) == (-192, -192)  # where the map puts the player
     assert (scene.shortest_path_distance >= 0).all()
     assert "Stimpack" in scene.categories
@@ -65,8 +64,8 @@ def test_the_engine_stands_where_it_was_sent(source):
 
 def test_four_views_join_to_a_panorama(source):
     """A view covers 90 degrees: its right edge is the left edge of the next one to the right."""
-    place = stepped(heading(source, 270), AHEAD)
-    views = [source.view(place._replace(rotation=rotation)).frame.astype(int) for rotation in HEADINGS]
+    place = next_pose(heading(source, 270), AHEAD)
+    views = [source.view(place._replace(rotation=rotation)).image.astype(int) for rotation in HEADINGS]
     edges = list(itertools.pairwise([*views, views[0]]))
     joined = sum(np.abs(left[:, -1] - right[:, 0]).mean() for left, right in edges)
     mirrored = sum(np.abs(left[:, 0] - right[:, -1]).mean() for left, right in edges)  # were turns to the left
@@ -81,23 +80,23 @@ def test_views_and_moves_do_not_depend_on_earlier_ones(source):
         walked = source.move(walked, AHEAD) or walked
     source.view(walked)
     again = source.view(pose)
-    np.testing.assert_array_equal(again.frame, before.frame)
-    assert again.visible == before.visible
+    np.testing.assert_array_equal(again.image, before.image)
+    assert again.visible_objects == before.visible_objects
 
 
 def test_a_region_holds_each_place_once_and_ends_at_drops():
-    """Thirds of a metre are not exact, so that sums along two ways would differ; a drop leads down at z = 1.9."""
+    """Thirds of a metre are not exact, so that sums along two paths would differ; a drop leads down at z = 1.9."""
     start = Pose(1 / 3, 2 / 3, 0)
 
     def move(pose, action):
-        onward = stepped(pose, action)
-        is_up = pose.z > 1.9 and onward.z < 1.9
-        return onward if abs(onward.x) < 2 and 0 < onward.z < 3 and not is_up else None
+        after = next_pose(pose, action)
+        is_up = pose.z > 1.9 and after.z < 1.9
+        return after if abs(after.x) < 2 and 0 < after.z < 3 and not is_up else None
 
-    region = list(_region(SimpleNamespace(move=move), start, 1000))
+    region = list(reachable_places(move, start, 1000))
     assert len({(round(place.x, 3), round(place.z, 3)) for place in region}) == len(region)
     assert len(region) == 8 * 4  # x from -5/3 to 11/6, z from 1/6 to 5/3; 13/6 and 8/3 lie below
-    assert list(_region(SimpleNamespace(move=move), start, 5)) == region[:5]
+    assert list(reachable_places(move, start, 5)) == region[:5]
 
 
 @pytest.fixture(scope="module")
@@ -125,9 +124,9 @@ def test_moves_lead_as_far_as_a_player_runs(engine, source, runner, key, rotatio
         runner.make_action([number == key for number in range(3)])
     ran = Pose(*(runner.get_game_variable(getattr(engine.GameVariable, f"POSITION_{axis}")) for axis in "XY"), rotation)
     pose = heading(source, rotation)
-    while (onward := source.move(pose, AHEAD)) is not None:
-        assert source.move(onward, BACK) == pose
-        pose = onward
+    while (after := source.move(pose, AHEAD)) is not None:
+        assert source.move(after, BACK) == pose
+        pose = after
     along, aside = ((pose.x, ran.x), (pose.z, ran.z))[:: 1 if rotation == 270 else -1]
     assert -1 < along[0] * UNITS - along[1] < 32  # less than another step, in the direction of the walk
     assert aside[0] * UNITS == pytest.approx(aside[1], abs=1)
@@ -176,10 +175,10 @@ def test_the_command_keeps_finished_files_and_reports(engine, monkeypatch, capsy
     monkeypatch.setattr(sys, "argv", ["relm-irl", "scenes", "export", "vizdoom", *arguments])
     main()
     assert re.search(r"map01.h5 +8 +0 +0 +0", capsys.readouterr().out)
-    assert load_scene(tmp_path / "map01.h5", frames=False).room_type == "base"
+    assert load_scene(tmp_path / "map01.h5", views=False).room_type == "base"
     before = (tmp_path / "map01.h5").stat().st_mtime_ns
     main()
-    assert "kept as it was" in capsys.readouterr().out
+    assert "existed" in capsys.readouterr().out
     assert (tmp_path / "map01.h5").stat().st_mtime_ns == before
 
 

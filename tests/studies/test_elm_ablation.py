@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.runs import read_table, write_table
+from relm_irl_jax.files import read_table, write_table
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "experiments"))
 
 import elm_ablation
 
 
-def test_every_figure_has_its_table_and_nothing_is_fitted_again(tmp_path):
+def test_every_figure_has_its_table_and_nothing_is_fitted_again(tmp_path, monkeypatch):
     for seed in range(2):
         folder = tmp_path / f"seed-{seed}"
         write_table(folder / "sizes.csv", {"neurons": [1, 10], "test_r2": [0.1 + seed, 0.3], "train_r2": [0.2, 0.9]})
@@ -40,6 +40,7 @@ def test_every_figure_has_its_table_and_nothing_is_fitted_again(tmp_path):
     choices = read_table(tmp_path / "choices.csv")
     assert choices["choice"] == ["all", "some, by PRESS"]
     assert [float(value) for value in choices["accuracy"]] == pytest.approx([0.1, 0.7])
+    monkeypatch.setattr(elm_ablation, "save_figure", lambda figure, path, table: None)
     kept = json.loads((tmp_path / "settings.json").read_text())
     del kept["config"]["elm"]["leave_out"]  # as a version left it that had no such field
     (tmp_path / "settings.json").write_text(json.dumps(kept))

@@ -4,22 +4,25 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from run_folders import draw_nothing, write_run
 
-from relm_irl_jax.config import Config, config_record, read_record
+from relm_irl_jax.config import Config, config_to_dict, read_fields
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.runs import RunFolder, write_json, write_table
+from relm_irl_jax.files import write_json, write_table
+from relm_irl_jax.results import TASKS, ResultRow, Results, RewardQualityRow, save_results, save_reward_quality
+from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.studies.ablation import (
     BASE,
     Ablation,
     Variant,
     ablation_columns,
+    ablation_rows,
     ablation_table,
-    configure,
     load_ablation,
-    measure,
+    variant_config,
 )
 from relm_irl_jax.studies.page import RUN_TITLES, write_study
-from relm_irl_jax.studies.study import TASKS, finished, preset
+from relm_irl_jax.studies.study import is_finished, load_preset
 
 PRESETS = Path(__file__).parents[2] / "experiments" / "paper"
 SMALL = Ablation(
@@ -31,11 +34,11 @@ SMALL = Ablation(
 
 @pytest.mark.parametrize("name", RUN_TITLES)
 def test_the_tables_are_of_all_methods_and_five_seeds(name):
-    config = preset(PRESETS / f"{name}.toml")
+    config = load_preset(PRESETS / f"{name}.toml")
     agent = "siamese" if name == "siamese" else "metric"
     assert (config.agent, config.seeds, config.evaluation.episodes) == (agent, 5, 1000)
     assert len(config.chosen_methods()) == 5
-    quick = preset(PRESETS / f"{name}.toml", [PRESETS / "quick.toml"])
+    quick = load_preset(PRESETS / f"{name}.toml", [PRESETS / "quick.toml"])
     assert (quick.agent, quick.scene.size) == (agent, "tiny")
 
 
@@ -46,10 +49,10 @@ def test_every_variant_changes_its_base():
         "quick.toml",
         "ablation.toml",
     }
-    for changes in ({}, read_record(PRESETS / "quick.toml")):
-        base = configure(ablation, BASE, "siamese", changes, Path("x"))
+    for changes in ({}, read_fields(PRESETS / "quick.toml")):
+        base = variant_config(ablation, BASE, "siamese", changes, Path("x"))
         for name, variant in ablation.variants.items():
-            config = configure(ablation, name, "siamese", changes, Path("x"))
+            config = variant_config(ablation, name, "siamese", changes, Path("x"))
             same = replace(config, run=base.run) == base
             assert not same or not variant.quick, name
             assert not same or changes, name
@@ -61,34 +64,41 @@ def test_faults_are_named(tmp_path):
     with pytest.raises(InputError, match=r"variants\.x\.set: unknown field `elm\.colour`"):
         load_ablation(tmp_path / "a.toml")
     with pytest.raises(InputError, match="there is no narrow; known are wide"):
-        configure(SMALL, "narrow", "siamese", {}, tmp_path)
+        variant_config(SMALL, "narrow", "siamese", {}, tmp_path)
 
 
 def leave_results(config: Config, values: list[float]) -> None:
     """A finished run as the pipeline leaves it, its metrics made up."""
     assert config.run is not None
-    write_json(config.run / "config.json", config_record(config))
+    folder = RunFolder(config.run)
+    write_json(folder.config, config_to_dict(config))
     (config.run / "report.html").write_text("")
-    for seed, _ in enumerate(values):
-        quality = {"method": ["elm-irl", "relm-irl", "relm-irl"], "targets": ["new", "trained", "new"]}
-        ranks = {"median_rank": [30, 1, 2 + seed]}
-        write_table(RunFolder(config.run).rewards(seed, "quality.csv"), quality | ranks)
+    for seed in range(len(values)):
+        rows = [
+            RewardQualityRow(method, targets, rank, median_rank_share=0.1, mean_order=0.5)
+            for method, targets, rank in (
+                ("elm-irl", "new", 30),
+                ("relm-irl", "trained", 1),
+                ("relm-irl", "new", 2 + seed),
+            )
+        ]
+        save_reward_quality(folder.rewards(seed, "quality.csv"), rows)
     for task in TASKS:
         rows = [
-            {"method": "relm-irl", "scene": "bathroom-0", "room_type": "bathroom", "seed": seed, "episodes": 10}
-            | {"sr": value, "spl": value / 2, "ple": 1.0}
+            ResultRow(method="relm-irl", agent="siamese", scene="bathroom-0", room_type="bathroom", seed=seed,
+                      episodes=10, sr=value, spl=value / 2, ple=1.0)
             for seed, value in enumerate(values)
-        ]
-        write_json(config.run / f"results-{task}.json", {"task": task, "cap": 9, "encoder": "none", "rows": rows})
+        ]  # fmt: skip
+        save_results(folder, Results(task, 9, "none", tuple(rows)))
 
 
 def test_the_table_pairs_finished_runs_with_the_base(tmp_path):
-    base, wide = (configure(SMALL, name, "siamese", {}, tmp_path / "ablation") for name in (BASE, "wide"))
-    assert measure(SMALL, {}, tmp_path / "ablation") == []
+    base, wide = (variant_config(SMALL, name, "siamese", {}, tmp_path / "ablation") for name in (BASE, "wide"))
+    assert ablation_rows(SMALL, {}, tmp_path / "ablation") == []
     leave_results(base, [0.1, 0.5])
-    assert [line.name for line in measure(SMALL, {}, tmp_path / "ablation")] == [BASE]
+    assert [line.name for line in ablation_rows(SMALL, {}, tmp_path / "ablation")] == [BASE]
     leave_results(wide, [0.2, 0.6])
-    lines = measure(SMALL, {}, tmp_path / "ablation")
+    lines = ablation_rows(SMALL, {}, tmp_path / "ablation")
     assert [(line.name, line.frames) for line in lines] == [(BASE, 70), ("wide", 70)]
     change = lines[1].change["II", "sr"]
     assert (change.mean, change.half_width) == (pytest.approx(0.1), pytest.approx(0.0, abs=1e-12))
@@ -100,13 +110,48 @@ def test_the_table_pairs_finished_runs_with_the_base(tmp_path):
 
 
 def test_a_run_is_finished_only_in_the_settings_asked_for(tmp_path):
-    config = configure(SMALL, BASE, "siamese", {}, tmp_path)
-    assert not finished(config)
+    config = variant_config(SMALL, BASE, "siamese", {}, tmp_path)
+    assert not is_finished(config)
     leave_results(config, [0.1, 0.5])
-    assert finished(config)
-    assert not finished(replace(config, seeds=3))
-    assert not finished(replace(config, frames=5))
-    assert not finished(replace(config, evaluation=replace(config.evaluation, policy="greedy")))
-    assert not finished(replace(config, methods=("rl", "relm-irl")))
+    assert is_finished(config)
+    assert not is_finished(replace(config, seeds=3))
+    assert not is_finished(replace(config, frames=5))
+    assert not is_finished(replace(config, evaluation=replace(config.evaluation, policy="greedy")))
+    assert not is_finished(replace(config, methods=("rl", "relm-irl")))
     (tmp_path / "siamese-base" / "results-II.json").unlink()
-    assert not finished(config)
+    assert not is_finished(config)
+
+
+def test_the_page_shows_what_it_can_read(tmp_path, monkeypatch):
+    """One whole run, one without a configuration, figures of the regressor whose table is damaged."""
+    draw_nothing(monkeypatch)
+    write_run(tmp_path / "siamese", {"rl": [0.1, 0.2], "relm-irl": [0.8, 0.9]}, tasks=("I",))
+    write_run(tmp_path / "metric", {"rl": [0.1]}, tasks=("I",)).config.unlink()
+    write_table(tmp_path / "elm" / "choices.csv", {"choice": ["all"]})
+    write_table(tmp_path / "stability" / "stability.csv", {"form": ["cost"], "variant": ["lp"], "start_median": [0.4]})
+    path = write_study(tmp_path, [])
+    text, page = path.read_text(), path.with_suffix(".html").read_text()
+    for said in (
+        "Of 2 comparisons of RELM-IRL with other methods (SR and SPL of each task, 2 seeds), it is ahead in 2",
+        "metric/config.json cannot be read",
+        "accuracy.csv is missing",
+        "| cost | lp | 0.4 |",
+        "![Learning curves](siamese/figures/learning.png)",
+    ):
+        assert said in text
+    assert page.count("data:image/png;base64,") == 6
+
+
+def test_the_page_shows_the_regressors_figures(tmp_path):
+    elm = tmp_path / "elm"
+    choice = {"accuracy": [0.5], "accuracy_half_width": [0.25], "kept": [1950.0], "kept_half_width": [float("nan")]}
+    write_table(elm / "choices.csv", {"choice": ["all"], **choice})
+    write_table(elm / "accuracy.csv", {"seed": [0], "elm_r2": [-9.0], "relm_r2": [0.25], "kept": [825]})
+    write_json(elm / "settings.json", {"sizes": [1], "config": {"elm": {"hidden": 77}}})
+    text = write_study(tmp_path, []).read_text()
+    for said in (
+        "77 neurons before selection; 1 seeds",
+        "| 0 | -9.000 | 0.250 | 825 |",
+        "| all | 0.50 ± 0.25 | 1,950 |",
+    ):
+        assert said in text

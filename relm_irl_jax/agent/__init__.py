@@ -1,1 +1,0 @@
-"""The target-driven actor-critic: networks, rollout, update, training."""

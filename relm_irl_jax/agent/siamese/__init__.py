@@ -1,1 +1,0 @@
-"""The paper's agent: a siamese actor-critic trained by n-step advantages."""

@@ -1,0 +1,1 @@
+"""The metric agent: an embedding of views in which distances are costs to go."""

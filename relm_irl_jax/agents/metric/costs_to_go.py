@@ -1,0 +1,146 @@
+"""Costs to go on the experience graph, under each method's own reward.
+
+For a goal g and a cost c_g(s) > 0 of being in any other state, the least cost to reach g along edges of the graph is
+
+    C(g, g) = 0,   C(s, g) = c_g(s) + min_a C(s'_a, g)
+
+and −C is the optimal undiscounted value under the reward r(s) = −c_g(s). With the hand-made reward every step costs
+the same and C counts steps; a collision costs more, and no shortest path has one. With a learned reward
+c_g(s) = −r(s, g).
+
+The path of least cost has a number of steps, too:
+
+    N(g, g) = 0,   N(s, g) = 1 + N(s'_{a*}, g),   a* = argmin_a C(s'_a, g)
+
+The learned distance can represent either. The reward selects the path in both; steps are represented better, since a
+cost that depends on the goal differs between the two directions of a path.
+"""
+
+from dataclasses import dataclass
+from functools import partial
+from typing import Literal
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float32, Int32
+
+from relm_irl_jax.agents.metric.experience_graph import UNTRIED, ExperienceGraph, least_costs
+from relm_irl_jax.rewards.goals import Goals
+from relm_irl_jax.world import World
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class SceneStates:
+    """States of each scene.
+
+    Attributes:
+        state: world state of each local state; rows are padded with the scene's first state.
+        count: number of states of each scene.
+    """
+
+    state: Int32[Array, "scenes locals"]
+    count: Int32[Array, "scenes"]
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class CostsToGo:
+    """What the graph, as it was at some time, says about the goals.
+
+    Attributes:
+        successor: local state that each action leads to, or `UNTRIED`.
+        cost: C, least cost from each local state to each goal; infinite where the graph has no path.
+        length: what the distance is to represent: N, the number of steps of that path, or C.
+    """
+
+    successor: Int32[Array, "scenes locals 4"]
+    cost: Float32[Array, "scenes locals goals"]
+    length: Float32[Array, "scenes locals goals"]
+
+
+def least_costs_to_goals(
+    successor: Int32[Array, "locals 4"], goal: Int32[Array, "goals"], step_cost: Float32[Array, "goals locals"]
+) -> Float32[Array, "locals goals"]:
+    """Least cost from every state to every goal.
+
+    Args:
+        successor: local state that each action led to, or `UNTRIED`.
+        goal: the goals.
+        step_cost: cost of being in each state for each goal, positive.
+
+    Returns:
+        C(s, g); infinite where the graph has no path.
+    """
+    ends = jnp.arange(step_cost.shape[1])[:, None] == goal
+    return least_costs(successor, jnp.where(ends, 0.0, jnp.inf), step_cost.T)
+
+
+def steps_of_best_paths(
+    successor: Int32[Array, "locals 4"], goal: Int32[Array, "goals"], cost: Float32[Array, "locals goals"]
+) -> Float32[Array, "locals goals"]:
+    """Number of steps of the path of least cost.
+
+    Args:
+        successor: local state that each action led to, or `UNTRIED`.
+        goal: the goals.
+        cost: C, from `least_costs_to_goals`.
+
+    Returns:
+        N(s, g); infinite where the graph has no path.
+    """
+    next_cost = jnp.where((successor == UNTRIED)[..., None], jnp.inf, cost[successor])
+    next_state = jnp.take_along_axis(successor, next_cost.argmin(1), axis=1)
+    ends = jnp.arange(len(cost))[:, None] == goal
+    column = jnp.arange(len(goal))
+
+    def improve(carry: tuple[Array, Array]) -> tuple[Array, Array]:
+        steps, _ = carry
+        better = jnp.where(ends, 0.0, jnp.where(jnp.isfinite(cost), 1 + steps[next_state, column], jnp.inf))
+        return better, (better != steps).any()
+
+    # Every step lowers the cost to go, so no path runs in a circle.
+    first = jnp.where(ends, 0.0, jnp.inf)
+    return jax.lax.while_loop(lambda carry: carry[1], improve, (first, jnp.bool_(True)))[0]
+
+
+def unknown_costs(scenes: SceneStates, goals: Goals) -> CostsToGo:
+    """Costs to go before any transition was observed: all infinite.
+
+    Args:
+        scenes: states of each scene.
+        goals: the goals.
+
+    Returns:
+        The costs.
+    """
+    successor = jnp.full((*scenes.state.shape, 4), UNTRIED, jnp.int32)
+    infinite = jnp.full((*scenes.state.shape, goals.state.shape[1]), jnp.inf, jnp.float32)
+    return CostsToGo(successor, infinite, infinite)
+
+
+@partial(jax.jit, static_argnames="counts")
+def compute_costs_to_go(
+    graph: ExperienceGraph, world: World, goals: Goals, scenes: SceneStates, counts: Literal["steps", "costs"]
+) -> CostsToGo:
+    """Costs to go on the graph as it is now.
+
+    Args:
+        graph: transitions observed.
+        world: the scenes.
+        goals: the goals and their costs.
+        scenes: states of each scene.
+        counts: what the distance is to represent. Static.
+
+    Returns:
+        The costs.
+    """
+    own = jnp.arange(scenes.state.shape[1]) < scenes.count[:, None]
+    next_state = graph.successor[scenes.state]
+    successor = jnp.where((next_state != UNTRIED) & own[..., None], world.local[next_state], UNTRIED)
+    cost = jax.lax.map(lambda row: least_costs_to_goals(*row), (successor, goals.state, goals.cost))
+    if counts == "costs":
+        return CostsToGo(successor, cost, cost)
+    return CostsToGo(
+        successor, cost, jax.lax.map(lambda row: steps_of_best_paths(*row), (successor, goals.state, cost))
+    )

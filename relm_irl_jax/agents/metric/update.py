@@ -1,0 +1,150 @@
+"""One update of the metric agent: act with every worker, add the transitions to the graph, learn distances."""
+
+from dataclasses import dataclass
+from typing import cast
+
+import jax
+import jax.numpy as jnp
+import optax
+from jax.typing import ArrayLike
+from jaxtyping import Array, Float32, PRNGKeyArray
+
+from relm_irl_jax.agents.metric.experience_graph import (
+    ExperienceGraph,
+    add_transitions,
+    exploring_action,
+    steps_to_frontier,
+)
+from relm_irl_jax.agents.metric.loss import Losses, LossForm, LossInputs, metric_loss
+from relm_irl_jax.agents.metric.network import MetricNetwork, distance, embed
+from relm_irl_jax.agents.rollout import EpisodeSums, NavigationTask, Workers, rollout, sample_action
+from relm_irl_jax.types import NO_MEMORY, Memory, Observation, Parameters
+
+FINAL_RATE = 0.02
+"""Share of the step size that is left at the end of training."""
+
+
+@dataclass(frozen=True)
+class UpdateForm:
+    """The static part of an update: one program is compiled for each.
+
+    Attributes:
+        network: the network.
+        loss: the loss's static part.
+        t_max: steps of each worker.
+    """
+
+    network: MetricNetwork
+    loss: LossForm
+    t_max: int
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class OptimizerNumbers:
+    """Numbers of the optimiser.
+
+    Attributes:
+        learning_rate: largest step size.
+        updates: updates of the whole training, over which the step size falls.
+        gradient_clip: largest global norm of a gradient.
+    """
+
+    learning_rate: Float32[Array, ""]
+    updates: Float32[Array, ""]
+    gradient_clip: Float32[Array, ""]
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class UpdateInputs:
+    """What an update looks up and does not change.
+
+    Attributes:
+        task: scenes, targets, reward and cap.
+        loss: goals, costs to go and numbers of the loss.
+        optimizer: numbers of the optimiser.
+    """
+
+    task: NavigationTask
+    loss: LossInputs
+    optimizer: OptimizerNumbers
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class TrainState:
+    """Everything that training carries from update to update.
+
+    Attributes:
+        parameters: the network's parameters.
+        optimizer: the optimiser's state.
+        workers: the workers; fields are [scenes, batch].
+        graph: transitions observed so far.
+        key: source of all later randomness.
+    """
+
+    parameters: Parameters
+    optimizer: optax.OptState
+    workers: Workers
+    graph: ExperienceGraph
+    key: PRNGKeyArray
+
+
+def make_optimizer(numbers: OptimizerNumbers) -> optax.GradientTransformation:
+    """Gradients clipped by their global norm, then Adam with a step size that falls along a cosine.
+
+    Args:
+        numbers: the optimiser's numbers.
+
+    Returns:
+        The gradient transformation.
+    """
+
+    def rate(count: ArrayLike) -> ArrayLike:
+        done = jnp.minimum(jnp.asarray(count, jnp.float32), numbers.updates)
+        cosine = 0.5 * (1.0 + jnp.cos(jnp.pi * done / numbers.updates))
+        return numbers.learning_rate * ((1.0 - FINAL_RATE) * cosine + FINAL_RATE)
+
+    return optax.chain(optax.clip_by_global_norm(cast(float, numbers.gradient_clip)), optax.adam(rate))
+
+
+def update(state: TrainState, inputs: UpdateInputs, form: UpdateForm) -> tuple[TrainState, tuple[EpisodeSums, Losses]]:
+    """Act t_max steps with every worker, then take one gradient step.
+
+    Workers explore where an untried action can be reached, and follow the policy elsewhere. The embeddings of all
+    views are computed once and serve both acting and learning.
+
+    Args:
+        state: the state of training.
+        inputs: scenes, goals, costs to go and numbers.
+        form: the static part. Static.
+
+    Returns:
+        The next state of training, sums over the episodes that ended, and the parts of the loss.
+    """
+    key, rollout_key, pair_key = jax.random.split(state.key, 3)
+    task = inputs.task
+    embeddings, vjp = jax.vjp(lambda theta: embed(form.network, theta, task.world.features), state.parameters)
+    to_frontier = steps_to_frontier(state.graph)
+
+    def act(key: PRNGKeyArray, memory: Memory, observation: Observation, target: Array) -> tuple[Memory, Array, None]:
+        explore_key, policy_key = jax.random.split(key)
+        exploring, unexplored = exploring_action(explore_key, state.graph, to_frontier, observation.view)
+        goal = embeddings.state[task.targets.state[target]][..., None, :]
+        steps = distance(embeddings.successor[observation.view], goal, form.loss.distance)
+        logits = -inputs.loss.weights.inverse_temperature * steps
+        return memory, jnp.where(unexplored, exploring, sample_action(policy_key, logits)), None
+
+    workers, experience, sums = rollout(rollout_key, act, state.workers, task, NO_MEMORY, form.t_max)
+
+    grad_embeddings, losses = jax.grad(lambda e: metric_loss(pair_key, e, inputs.loss, form.loss), has_aux=True)(
+        embeddings
+    )
+    with jax.numpy_dtype_promotion("standard"):  # Adam raises a float to the power of an integer count
+        change, optimizer = make_optimizer(inputs.optimizer).update(
+            vjp(grad_embeddings)[0], state.optimizer, state.parameters
+        )
+    parameters = cast(Parameters, optax.apply_updates(state.parameters, change))
+    graph = add_transitions(state.graph, experience)
+    return TrainState(parameters, optimizer, workers, graph, key), (sums, losses)

@@ -1,0 +1,1 @@
+"""The paper's agent: a siamese actor-critic."""

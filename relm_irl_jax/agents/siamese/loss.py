@@ -1,0 +1,146 @@
+"""The n-step advantage actor-critic loss (paper, Equations 18-22 and Algorithm 1)."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float32, Int32
+
+from relm_irl_jax.agents.rollout import Experience
+from relm_irl_jax.agents.siamese.network import Outputs
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class LossWeights:
+    """Numbers of the loss.
+
+    Attributes:
+        discount: γ.
+        value: c_v, weight of the squared value error.
+        entropy: c_e, weight of the policy's entropy.
+        return_scale: rewards are divided by this, so that values are of order one.
+    """
+
+    discount: Float32[Array, ""]
+    value: Float32[Array, ""]
+    entropy: Float32[Array, ""]
+    return_scale: Float32[Array, ""]
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Step:
+    """What acting keeps of each step for learning.
+
+    Attributes:
+        outputs: policy and value.
+        views: states whose views were observed, the latest first.
+    """
+
+    outputs: Outputs
+    views: Int32[Array, "*time groups batch history"]
+
+
+def n_step_returns(
+    reward: Float32[Array, "time *batch"],
+    terminated: Bool[Array, "time *batch"],
+    truncated: Bool[Array, "time *batch"],
+    next_value: Float32[Array, "time *batch"],
+    discount: Float32[Array, ""],
+) -> Float32[Array, "time *batch"]:
+    """Discounted returns up to the end of the episode or of the rollout (Equation 18; Algorithm 1, lines 12-15).
+
+        R_t = r_t                      if the step reached the target,
+        R_t = r_t + γ V(s_{t+1})       if it was the episode's last allowed or the rollout's last,
+        R_t = r_t + γ R_{t+1}          otherwise.
+
+    Only reaching the target sets the next value to zero; running out of steps does not.
+
+    Args:
+        reward: rewards.
+        terminated: whether the step reached the target.
+        truncated: whether the step was the episode's last allowed one.
+        next_value: value of the state after each step, before any reset.
+        discount: γ.
+
+    Returns:
+        The returns.
+    """
+
+    def accumulate(next_return: Array, step: tuple[Array, ...]) -> tuple[Array, Array]:
+        reward, terminated, truncated, next_value = step
+        bootstrap = jnp.where(truncated, next_value, next_return)
+        result = reward + discount * jnp.where(terminated, 0.0, bootstrap)
+        return result, result
+
+    _, returns = jax.lax.scan(accumulate, next_value[-1], (reward, terminated, truncated, next_value), reverse=True)
+    return returns
+
+
+def next_values(
+    value: Callable[
+        [Int32[Array, "groups batch history"], Int32[Array, "groups batch"]], Float32[Array, "groups batch"]
+    ],
+    experience: Experience,
+) -> Float32[Array, "time groups batch"]:
+    """Value of the state after each step, before any reset.
+
+    Within an episode it is known from the next step; after the rollout's last step and after a truncated one it is
+    computed here. Since the cap is not below t_max, a worker is truncated at most once in a rollout.
+
+    Args:
+        value: maps last states and targets to values.
+        experience: the steps; their `output` is a `Step`.
+
+    Returns:
+        The values; any number after a step that reached the target.
+    """
+    views, values = experience.output.views, experience.output.outputs.value
+    next_views = jnp.concatenate([experience.next_state[..., None], views[..., :-1]], -1)
+    cut = jnp.argmax(experience.truncated, axis=0)[None]
+    after_cut = value(
+        jnp.take_along_axis(next_views, cut[..., None], 0)[0], jnp.take_along_axis(experience.target, cut, 0)[0]
+    )
+    after_last = value(next_views[-1], experience.target[-1])
+    following = jnp.where(experience.truncated[:-1], after_cut, values[1:])
+    return jnp.concatenate([following, after_last[None]])
+
+
+def actor_critic_loss(
+    outputs: Outputs,
+    next_value: Float32[Array, "time groups batch"],
+    experience: Experience,
+    weights: LossWeights,
+    reduce: Callable[[Float32[Array, "time groups batch"]], Float32[Array, ""]],
+) -> Float32[Array, ""]:
+    """Policy-gradient loss, value error and entropy over steps and workers (Equations 20-22).
+
+        δ_t = R_t − V(s_t),   R_t from rewards divided by the return scale
+        loss = mean( −log π(a_t|s_t) δ_t + c_v δ_t² − c_e H(π(·|s_t)) )
+
+    with δ_t held fixed in the first term and R_t in both.
+
+    Args:
+        outputs: policy and value at each step.
+        next_value: value of the state after each step.
+        experience: the steps.
+        weights: numbers of the loss.
+        reduce: mean or sum over steps and workers.
+
+    Returns:
+        The loss.
+    """
+    returns = n_step_returns(
+        experience.reward / weights.return_scale,
+        experience.terminated,
+        experience.truncated,
+        jax.lax.stop_gradient(next_value),
+        weights.discount,
+    )
+    delta = returns - outputs.value
+    log_policy = jax.nn.log_softmax(outputs.logits)
+    chosen = jnp.take_along_axis(log_policy, experience.action[..., None], -1)[..., 0]
+    entropy = -(jnp.exp(log_policy) * log_policy).sum(-1)
+    return reduce(-chosen * jax.lax.stop_gradient(delta) + weights.value * delta**2 - weights.entropy * entropy)

@@ -1,0 +1,200 @@
+"""The target-driven actor-critic network (paper, Figure 2; the siamese model of section 5.3).
+
+    z(x)   = ReLU(Σ_j x_j W_j + b)           shared by current and target view; x_0, x_1, … are the last views, the
+                                             latest first, and for the target its one view repeated
+    h      = ReLU(z(s) U + z(g) V + c)       fusion of the concatenation [z(s), z(g)]; optionally also of r(s, g)
+    k      = ReLU(h H_i + d_i)               layer of head i, one for each room type or scene
+    logits = k P_i + p_i,   value = k q_i + r_i
+
+Views are few and fixed. What depends on single views is therefore computed once for each update, as tables over all
+states and all targets (`tables`), and the layers that combine view and target follow from look-ups (`evaluate`). Where
+an update has fewer frames than there are states, tables of all states would cost more than they save, and the shared
+layer is applied to the views of each frame.
+"""
+
+from dataclasses import dataclass
+from functools import partial
+
+import flax.linen as nn
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float32, Int32
+
+from relm_irl_jax.scenes.scene import ACTIONS
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Tables:
+    """What is computed once for each update; exactly one of the first three is present.
+
+    Attributes:
+        fusion: z(s) U + c for every state, where one view is observed.
+        shared: x W_j for every state and each of the last views, where several are observed.
+        features: encoded views, where nothing is computed in advance for states.
+        target: z(g) V for every target.
+        predicted_reward: r(s, g), where it is observed.
+    """
+
+    fusion: Float32[Array, "states width"] | None
+    shared: Float32[Array, "history states width"] | None
+    features: Float32[Array, "states feature"] | None
+    target: Float32[Array, "targets width"]
+    predicted_reward: Float32[Array, "targets states"] | None = None
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Outputs:
+    """Outputs of the network.
+
+    Attributes:
+        logits: action logits.
+        value: values, in units of the return scale.
+    """
+
+    logits: Float32[Array, "*batch 4"]
+    value: Float32[Array, "*batch"]
+
+
+class SiameseActorCritic(nn.Module):
+    """Policy and value of every head.
+
+    Attributes:
+        n_heads: number of heads.
+        width: units of each hidden layer.
+        history: number of last views that are observed.
+        observe_reward: whether the fusion layer also receives the predicted reward r(s, g).
+        uniform: whether initial weights are uniform in ±1/√inputs, as the original agent's, instead of He's normal
+            ones with small ones for the policy.
+    """
+
+    n_heads: int
+    width: int = 512
+    history: int = 1
+    observe_reward: bool = False
+    uniform: bool = False
+
+    def setup(self) -> None:
+        """Declare the layers."""
+        draw = partial(nn.initializers.variance_scaling, batch_axis=(0,))
+        # The few outputs are rows: their gradient is then a few long rows, which is three times as fast.
+        draw_rows = partial(draw, in_axis=-1, out_axis=-2)
+        if self.uniform:
+            # Variance of the uniform distribution on ±1/√inputs; each half of the fusion layer has half the inputs.
+            law = (1 / 3, "fan_in", "uniform")
+            layer, policy, value = draw(*law), draw_rows(*law), draw_rows(*law)
+            shared, half = nn.initializers.variance_scaling(*law), nn.initializers.variance_scaling(1 / 6, *law[1:])
+        else:
+            law = (2.0, "fan_in", "truncated_normal")
+            layer, policy, value = draw(*law), draw_rows(1e-4, *law[1:]), draw_rows(*law)
+            shared, half = nn.initializers.he_normal(), nn.initializers.lecun_normal()
+        zeros = nn.initializers.zeros
+        self.shared = nn.Dense(self.width, kernel_init=shared)
+        self.fusion_state = nn.Dense(self.width, kernel_init=half)
+        self.fusion_target = nn.Dense(self.width, use_bias=False, kernel_init=half)
+        if self.observe_reward:
+            self.fusion_reward = self.param("fusion_reward", nn.initializers.normal(1.0), (self.width,))
+        self.head_kernel = self.param("head_kernel", layer, (self.n_heads, self.width, self.width))
+        self.head_bias = self.param("head_bias", zeros, (self.n_heads, 1, self.width))
+        self.policy_kernel = self.param("policy_kernel", policy, (self.n_heads, len(ACTIONS), self.width))
+        self.policy_bias = self.param("policy_bias", zeros, (self.n_heads, 1, len(ACTIONS)))
+        self.value_kernel = self.param("value_kernel", value, (self.n_heads, 1, self.width))
+        self.value_bias = self.param("value_bias", zeros, (self.n_heads, 1, 1))
+
+    def __call__(
+        self,
+        features: Float32[Array, "states feature"],
+        target_state: Int32[Array, "targets"],
+        views: Int32[Array, "groups batch history"],
+        target: Int32[Array, "groups batch"],
+        head: Int32[Array, "groups"],
+        predicted_reward: Float32[Array, "targets states"] | None = None,
+    ) -> Outputs:
+        """Policy and value of frames, with no tables of all states.
+
+        Args:
+            features: encoded view of every state.
+            target_state: state of every target.
+            views: last states in the world, the latest first.
+            target: rows of the targets.
+            head: head of each group.
+            predicted_reward: r(s, g), where it is observed.
+
+        Returns:
+            Action logits and values.
+        """
+        tables = self.tables(features, target_state, predicted_reward, every_state=False)
+        return self.evaluate(tables, views, target, head)
+
+    def tables(
+        self,
+        features: Float32[Array, "states feature"],
+        target_state: Int32[Array, "targets"],
+        predicted_reward: Float32[Array, "targets states"] | None = None,
+        *,
+        every_state: bool,
+    ) -> Tables:
+        """Compute the shared layer and both halves of the fusion layer, as far as they depend on single views.
+
+        Args:
+            features: encoded view of every state.
+            target_state: state of every target.
+            predicted_reward: r(s, g), where it is observed.
+            every_state: whether to compute tables of all states, or of the targets alone. Static.
+
+        Returns:
+            The tables.
+        """
+        predicted_reward = predicted_reward if self.observe_reward else None
+        if every_state and self.history == 1:
+            encoded = nn.relu(self.shared(features))
+            target = self.fusion_target(encoded[target_state])
+            return Tables(self.fusion_state(encoded), None, None, target, predicted_reward)
+        repeated = jnp.tile(features[target_state], self.history)
+        target = self.fusion_target(nn.relu(self.shared(repeated)))
+        if not every_state:
+            return Tables(None, None, features, target, predicted_reward)
+        kernel = self.shared.variables["params"]["kernel"].reshape(self.history, -1, self.width)
+        return Tables(None, jnp.einsum("sf,hfw->hsw", features, kernel), None, target, predicted_reward)
+
+    def evaluate(
+        self,
+        tables: Tables,
+        views: Int32[Array, "groups batch history"],
+        target: Int32[Array, "groups batch"],
+        head: Int32[Array, "groups"],
+    ) -> Outputs:
+        """Policy and value of frames, from the tables.
+
+        Args:
+            tables: what was computed in advance.
+            views: last states in the world, the latest first.
+            target: rows of the targets.
+            head: head of each group.
+
+        Returns:
+            Action logits and values.
+        """
+        fusion = self._state_half(tables, views) + tables.target[target]
+        if tables.predicted_reward is not None:
+            fusion += tables.predicted_reward[target, views[..., 0]][..., None] * self.fusion_reward
+        hidden = nn.relu(nn.relu(fusion) @ self.head_kernel[head] + self.head_bias[head])
+        project = partial(jnp.einsum, "gbw,gow->gbo", hidden)
+        logits = project(self.policy_kernel[head]) + self.policy_bias[head]
+        value = project(self.value_kernel[head]) + self.value_bias[head]
+        return Outputs(logits, value[..., 0])
+
+    def _state_half(
+        self, tables: Tables, views: Int32[Array, "groups batch history"]
+    ) -> Float32[Array, "groups batch width"]:
+        """z(s) U + c."""
+        if tables.fusion is not None:
+            return tables.fusion[views[..., 0]]
+        if tables.shared is not None:
+            bias = self.shared.variables["params"]["bias"]
+            shared = sum((tables.shared[j][views[..., j]] for j in range(self.history)), bias)
+        else:
+            assert tables.features is not None
+            shared = self.shared(tables.features[views].reshape(*views.shape[:-1], -1))
+        return self.fusion_state(nn.relu(shared))

@@ -1,0 +1,252 @@
+"""Training of the siamese actor-critic: many updates in one compiled program, a few numbers from each chunk of them."""
+
+from functools import partial
+from typing import cast
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Int, PRNGKeyArray
+
+from relm_irl_jax.agents.rollout import EpisodeSums, NavigationTask, init_workers
+from relm_irl_jax.agents.settings import SiameseSettings
+from relm_irl_jax.agents.siamese.loss import LossWeights
+from relm_irl_jax.agents.siamese.network import SiameseActorCritic
+from relm_irl_jax.agents.siamese.state_target_pairs import StateTargetPairs, state_target_pairs
+from relm_irl_jax.agents.siamese.update import (
+    OptimizerNumbers,
+    TrainState,
+    UpdateForm,
+    UpdateInputs,
+    initial_memory,
+    make_optimizer,
+    update,
+)
+from relm_irl_jax.env import TargetRange
+from relm_irl_jax.errors import InputError
+from relm_irl_jax.types import Parameters, TrainingProblem
+from relm_irl_jax.world import Targets, World
+
+
+def scene_heads(world: World, settings: SiameseSettings) -> Int[np.ndarray, "scenes"]:
+    """Head of the network for each scene.
+
+    Args:
+        world: the scenes.
+        settings: which scenes share a head.
+
+    Returns:
+        Numbers of heads.
+
+    Raises:
+        InputError: a scene, or its room type, was never trained.
+    """
+    if settings.heads == "shared":
+        return np.zeros(world.n_scenes, int)
+    head = np.asarray(world.training_scene if settings.heads == "scene" else world.room_type)
+    if head.min() < 0:
+        name = world.names[int(np.argmin(head))]
+        what = "it" if settings.heads == "scene" else "its room type"
+        raise InputError(
+            f"{name}: siamese.heads = {settings.heads} has no head for this scene, since {what} was not trained; "
+            "use siamese.heads = shared."
+        )
+    return head
+
+
+def update_form(settings: SiameseSettings, n_heads: int) -> UpdateForm:
+    """The static part of an update.
+
+    Args:
+        settings: the agent's settings.
+        n_heads: number of heads.
+
+    Returns:
+        Network, rollout length and kind of optimiser.
+    """
+    uniform = settings.initialisation == "uniform"
+    network = SiameseActorCritic(n_heads, settings.width, settings.history, settings.observe_reward, uniform)
+    return UpdateForm(network, settings.t_max, settings.optimizer, settings.gradient)
+
+
+def optimizer_numbers(settings: SiameseSettings) -> OptimizerNumbers:
+    """The optimiser's numbers. Where workers' gradients are summed, the bound on the norm counts once for each worker.
+
+    Args:
+        settings: the agent's settings.
+
+    Returns:
+        The numbers.
+    """
+    decay = np.inf
+    if settings.decay_frames is not None:
+        decay = -(-settings.decay_frames // (settings.workers * settings.t_max))
+    clip = settings.gradient_clip * (settings.workers if settings.gradient == "sum" else 1)
+    return OptimizerNumbers(jnp.float32(settings.learning_rate), jnp.float32(decay), jnp.float32(clip))
+
+
+def worker_target_ranges(
+    targets: Targets, scene_head: Int[np.ndarray, "scenes"], n_heads: int, workers: int
+) -> TargetRange:
+    """Assign workers to targets: an equal share of the workers to each head, and each to all targets of that head.
+
+    Args:
+        targets: the training targets, sorted so that those of one head are consecutive.
+        scene_head: head of each scene.
+        n_heads: number of heads.
+        workers: number of workers.
+
+    Returns:
+        One range for each worker; fields are [heads, workers / heads].
+
+    Raises:
+        InputError: there are fewer workers than heads, or a head has no target.
+    """
+    head = scene_head[np.asarray(targets.scene)]
+    first = np.asarray([np.searchsorted(head, number) for number in range(n_heads)])
+    count = np.bincount(head, minlength=n_heads)
+    if count.min() == 0:
+        raise InputError("tasks.training_targets: some head of the network has no training target; ask for more.")
+    if workers < n_heads:
+        raise InputError(f"siamese.workers: {workers} workers cannot serve {n_heads} heads; ask for more.")
+    share = (n_heads, workers // n_heads)
+    spread = lambda values: jnp.asarray(np.broadcast_to(values[:, None], share), jnp.int32)  # noqa: E731
+    return TargetRange(first=spread(first), count=spread(count))
+
+
+def pairs_if_cheaper(
+    problem: TrainingProblem, scene_head: Int[np.ndarray, "scenes"], network: SiameseActorCritic, frames: int
+) -> StateTargetPairs | None:
+    """All pairs of a state and a target, where there are no more of them than frames.
+
+    Args:
+        problem: gives scenes and targets.
+        scene_head: head of each scene.
+        network: the network.
+        frames: frames of an update that one device evaluates.
+
+    Returns:
+        The pairs; None where frames are evaluated one by one, as always where several views are observed.
+    """
+    if network.history > 1:
+        return None
+    pairs = state_target_pairs(problem.world, problem.targets, scene_head, network.n_heads)
+    return pairs if pairs.count <= frames else None
+
+
+def update_inputs(
+    problem: TrainingProblem, settings: SiameseSettings, target_range: TargetRange, pairs: StateTargetPairs | None
+) -> UpdateInputs:
+    """Everything that an update looks up.
+
+    Args:
+        problem: what is to be learned.
+        settings: the agent's settings.
+        target_range: targets of each worker.
+        pairs: all pairs, where these are evaluated.
+
+    Returns:
+        The inputs.
+
+    Raises:
+        InputError: the cap is below t_max, so that a worker might be truncated twice in a rollout.
+    """
+    if problem.cap < settings.t_max:
+        raise InputError(f"siamese.t_max: {settings.t_max} exceeds the cap of {problem.cap} steps; lower it.")
+    task = NavigationTask(problem.world, problem.targets, target_range, problem.reward, jnp.int32(problem.cap))
+    loss = LossWeights(
+        discount=jnp.float32(settings.discount),
+        value=jnp.float32(settings.value_weight),
+        entropy=jnp.float32(settings.entropy_weight),
+        return_scale=jnp.float32(problem.return_scale),
+    )
+    return UpdateInputs(task, loss, optimizer_numbers(settings), pairs)
+
+
+def init_parameters(key: PRNGKeyArray, network: SiameseActorCritic, world: World) -> Parameters:
+    """Draw the network's initial parameters.
+
+    Args:
+        key: source of randomness.
+        network: the network.
+        world: gives the number of features of a view.
+
+    Returns:
+        The parameters.
+    """
+    heads = jnp.arange(network.n_heads)
+    one = jnp.zeros((network.n_heads, 1), jnp.int32)
+    views = jnp.zeros((network.n_heads, 1, network.history), jnp.int32)
+    predicted = jnp.zeros((1, 1), jnp.float32) if network.observe_reward else None
+    return cast(
+        Parameters,
+        jax.jit(network.init)(key, world.features[:1], jnp.zeros(1, jnp.int32), views, one, heads, predicted),
+    )
+
+
+def prepare(
+    key: PRNGKeyArray, problem: TrainingProblem, settings: SiameseSettings, n_devices: int = 1
+) -> tuple[TrainState, UpdateInputs, UpdateForm]:
+    """Everything that training starts from.
+
+    Args:
+        key: source of all randomness of the training.
+        problem: what is to be learned.
+        settings: the agent's settings.
+        n_devices: devices that share the workers of each head.
+
+    Returns:
+        The state before the first update, what updates look up, and their static part.
+
+    Raises:
+        InputError: the settings do not suit the problem.
+    """
+    scene_head = scene_heads(problem.world, settings)
+    form = update_form(settings, int(scene_head.max()) + 1)
+    target_range = worker_target_ranges(problem.targets, scene_head, form.network.n_heads, settings.workers)
+    frames_of_device = target_range.first.size * settings.t_max // n_devices
+    pairs = pairs_if_cheaper(problem, scene_head, form.network, frames_of_device)
+    inputs = update_inputs(problem, settings, target_range, pairs)
+    return init_train_state(key, inputs, form), inputs, form
+
+
+@partial(jax.jit, static_argnames="form")
+def init_train_state(key: PRNGKeyArray, inputs: UpdateInputs, form: UpdateForm) -> TrainState:
+    """Draw parameters and start episodes.
+
+    Args:
+        key: source of all randomness of the training.
+        inputs: scenes, targets and numbers.
+        form: the static part. Static.
+
+    Returns:
+        The state before the first update.
+    """
+    key, parameter_key, episode_key = jax.random.split(key, 3)
+    parameters = init_parameters(parameter_key, form.network, inputs.task.world)
+    memory = initial_memory(inputs.task.target_range.first.shape, form.network.history)
+    workers = init_workers(episode_key, inputs.task, memory)
+    return TrainState(parameters, make_optimizer(form, inputs.optimizer).init(parameters), workers, key)
+
+
+@partial(jax.jit, static_argnames=("form", "updates"))
+def run_updates(
+    state: TrainState, inputs: UpdateInputs, *, form: UpdateForm, updates: int
+) -> tuple[TrainState, EpisodeSums]:
+    """Run several updates as one program.
+
+    Args:
+        state: the state of training.
+        inputs: scenes, targets, reward and numbers.
+        form: the static part. Static.
+        updates: number of updates. Static.
+
+    Returns:
+        The next state of training, and sums over the episodes that ended.
+    """
+
+    def step(carry: TrainState, _: None) -> tuple[TrainState, EpisodeSums]:
+        return update(carry, inputs, form)
+
+    state, sums = jax.lax.scan(step, state, length=updates)
+    return state, jax.tree.map(jnp.sum, sums)

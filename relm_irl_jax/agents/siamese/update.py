@@ -1,0 +1,213 @@
+"""One update of the actor-critic: act t_max steps with every worker, then take one gradient step.
+
+All workers act with the same parameters θ and their gradients make one update: the synchronous limit of A3C, in which
+no worker's gradient is stale. Where A3C's workers apply theirs one after the other, θ moves by the sum of them. Adam
+moves as far by their mean, which does not depend on the number of workers and is the default; the original agent's
+RMSProp (`optimizer`) is close to gradient descent and needs the sum.
+"""
+
+from dataclasses import dataclass
+from typing import Literal, cast
+
+import jax
+import jax.numpy as jnp
+import optax
+from jax.typing import ArrayLike
+from jaxtyping import Array, Float32, Int32, PRNGKeyArray
+
+from relm_irl_jax.agents.rollout import EpisodeSums, NavigationTask, Workers, rollout, sample_action
+from relm_irl_jax.agents.siamese.forward import through_frames, through_pairs
+from relm_irl_jax.agents.siamese.loss import LossWeights, Step, actor_critic_loss, next_values
+from relm_irl_jax.agents.siamese.network import SiameseActorCritic
+from relm_irl_jax.agents.siamese.state_target_pairs import StateTargetPairs
+from relm_irl_jax.types import NO_MEMORY, Memory, Observation, Parameters
+
+NOTHING_SEEN = -1
+"""Entry of the memory for a view before the start of the episode."""
+
+
+@dataclass(frozen=True)
+class UpdateForm:
+    """The static part of an update: one program is compiled for each.
+
+    Attributes:
+        network: the network.
+        t_max: steps of each worker.
+        optimizer: `adam` or `rmsprop`.
+        gradient: `mean` or `sum` over the steps of all workers.
+    """
+
+    network: SiameseActorCritic
+    t_max: int
+    optimizer: Literal["adam", "rmsprop"]
+    gradient: Literal["mean", "sum"]
+
+    def reduce(self, loss: Float32[Array, "*steps"]) -> Float32[Array, ""]:
+        """Mean or sum of the losses of all steps."""
+        return loss.mean() if self.gradient == "mean" else loss.sum()
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class OptimizerNumbers:
+    """Numbers of the optimiser.
+
+    Attributes:
+        learning_rate: step size.
+        decay_updates: updates over which the step size falls linearly to 0; infinite for a constant one.
+        gradient_clip: largest global norm of a gradient.
+    """
+
+    learning_rate: Float32[Array, ""]
+    decay_updates: Float32[Array, ""]
+    gradient_clip: Float32[Array, ""]
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class UpdateInputs:
+    """What an update looks up and does not change.
+
+    Attributes:
+        task: scenes, targets, reward and cap.
+        loss: numbers of the loss.
+        optimizer: numbers of the optimiser.
+        pairs: every pair of a target and a state, where evaluating all of them costs less than evaluating every frame.
+    """
+
+    task: NavigationTask
+    loss: LossWeights
+    optimizer: OptimizerNumbers
+    pairs: StateTargetPairs | None = None
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class TrainState:
+    """Everything that training carries from update to update.
+
+    Attributes:
+        parameters: θ, the network's parameters.
+        optimizer: the optimiser's state.
+        workers: the workers; fields are [groups, batch].
+        key: source of all later randomness.
+    """
+
+    parameters: Parameters
+    optimizer: optax.OptState
+    workers: Workers
+    key: PRNGKeyArray
+
+
+def make_optimizer(form: UpdateForm, numbers: OptimizerNumbers) -> optax.GradientTransformation:
+    """The optimiser: gradients clipped by their global norm, then Adam, or the original agent's RMSProp:
+
+        ν ← 0.99 ν + 0.01 g²,   θ ← θ − η g / √(ν + 0.1),   ν = 1 at first
+
+    with η constant or falling linearly.
+
+    Args:
+        form: gives the kind.
+        numbers: its numbers.
+
+    Returns:
+        The gradient transformation.
+    """
+
+    def rate(count: ArrayLike) -> ArrayLike:
+        return numbers.learning_rate * (1.0 - jnp.minimum(jnp.asarray(count, jnp.float32) / numbers.decay_updates, 1.0))
+
+    if form.optimizer == "adam":
+        step = optax.adam(rate)
+    else:
+        step = optax.rmsprop(rate, decay=0.99, eps=0.1, initial_scale=1.0, eps_in_sqrt=True)
+    return optax.chain(optax.clip_by_global_norm(cast(float, numbers.gradient_clip)), step)
+
+
+def apply_gradient(
+    form: UpdateForm,
+    numbers: OptimizerNumbers,
+    gradient: Parameters,
+    optimizer: optax.OptState,
+    parameters: Parameters,
+) -> tuple[Parameters, optax.OptState]:
+    """Take one gradient step.
+
+    Args:
+        form: gives the kind of optimiser. Static.
+        numbers: the optimiser's numbers.
+        gradient: gradient of the loss.
+        optimizer: the optimiser's state.
+        parameters: θ.
+
+    Returns:
+        The next parameters and state.
+    """
+    with jax.numpy_dtype_promotion("standard"):  # Adam raises a float to the power of an integer count
+        change, optimizer = make_optimizer(form, numbers).update(gradient, optimizer, parameters)
+    return cast(Parameters, optax.apply_updates(parameters, change)), optimizer
+
+
+def initial_memory(shape: tuple[int, ...], history: int) -> Memory:
+    """Memory before the first observation: no earlier views.
+
+    Args:
+        shape: groups and batch.
+        history: number of last views that the network observes.
+
+    Returns:
+        Earlier views [groups batch history-1], the latest first; empty where one view is observed.
+    """
+    return jnp.full((*shape, history - 1), NOTHING_SEEN, jnp.int32) if history > 1 else NO_MEMORY
+
+
+def observe_views(memory: Memory, observation: Observation) -> tuple[Memory, Int32[Array, "groups batch history"]]:
+    """Last views, the latest first; the start's own, repeated, where the episode is younger.
+
+    Args:
+        memory: earlier views.
+        observation: the current one.
+
+    Returns:
+        The next memory, and the views that the network observes.
+    """
+    view = observation.view[..., None]
+    if isinstance(memory, tuple):
+        return memory, view
+    views = jnp.concatenate([view, jnp.where(memory == NOTHING_SEEN, view, memory)], -1)
+    return views[..., :-1], views
+
+
+def update(state: TrainState, inputs: UpdateInputs, form: UpdateForm) -> tuple[TrainState, EpisodeSums]:
+    """Act t_max steps with every worker, then take one gradient step.
+
+    Args:
+        state: the state of training.
+        inputs: scenes, targets, reward and numbers.
+        form: the static part. Static.
+
+    Returns:
+        The next state of training, and sums over the episodes that ended.
+    """
+    key, rollout_key = jax.random.split(state.key)
+    task, network, shape = inputs.task, form.network, inputs.task.target_range.first.shape
+    if inputs.pairs is None:
+        frames = shape[0] * shape[1] * form.t_max
+        forward, backward = through_frames(network, state.parameters, task.world, task.targets, frames)
+    else:
+        forward, backward = through_pairs(network, state.parameters, task.world, task.targets, inputs.pairs)
+
+    def act(key: PRNGKeyArray, memory: Memory, observation: Observation, target: Array) -> tuple[Memory, Array, Step]:
+        memory, views = observe_views(memory, observation)
+        outputs = forward(views, target)
+        return memory, sample_action(key, outputs.logits), Step(outputs, views)
+
+    memory = initial_memory(shape, network.history)
+    workers, experience, sums = rollout(rollout_key, act, state.workers, task, memory, form.t_max)
+    next_value = next_values(lambda views, target: forward(views, target).value, experience)
+    grad_outputs = jax.grad(actor_critic_loss)(
+        experience.output.outputs, next_value, experience, inputs.loss, form.reduce
+    )
+    gradient = backward(experience.output.views, experience.target, grad_outputs)
+    parameters, optimizer = apply_gradient(form, inputs.optimizer, gradient, state.optimizer, state.parameters)
+    return TrainState(parameters, optimizer, workers, key), sums

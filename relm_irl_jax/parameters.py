@@ -1,0 +1,34 @@
+"""Files of network weights."""
+
+from pathlib import Path
+
+import numpy as np
+from flax.traverse_util import flatten_dict, unflatten_dict
+
+from relm_irl_jax.files import load_arrays, save_arrays
+from relm_irl_jax.types import Parameters
+
+
+def save_parameters(path: Path, parameters: Parameters) -> None:
+    """Write a network's parameters as safetensors.
+
+    Args:
+        path: the file.
+        parameters: nested dictionaries of arrays.
+    """
+    save_arrays(path, {key: np.asarray(value) for key, value in flatten_dict(parameters, sep="/").items()})
+
+
+def load_parameters(path: Path) -> Parameters:
+    """Read a network's parameters.
+
+    Args:
+        path: the file.
+
+    Returns:
+        Nested dictionaries of arrays.
+
+    Raises:
+        InputError: the file is missing or damaged.
+    """
+    return unflatten_dict(load_arrays(path), sep="/")

@@ -1,0 +1,1 @@
+"""Watching agents, and walking to targets by keyboard."""

@@ -1,0 +1,107 @@
+"""Watching an agent: one episode in each scene, as an animation of its view, the target's view and its path."""
+
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import UInt8
+from PIL import Image, ImageDraw
+
+from relm_irl_jax.config import Config
+from relm_irl_jax.errors import InputError
+from relm_irl_jax.files import whole_file
+from relm_irl_jax.progress import progress_bar
+from relm_irl_jax.run_folder import RunFolder
+from relm_irl_jax.scenes.scene import GRID_STEP, Scene
+from relm_irl_jax.stages.encoding import encode_training
+from relm_irl_jax.stages.episodes import AgentChoice, EpisodePath, paths_of_agent
+
+FRAME_MILLISECONDS = 250
+"""Time that each step is shown; the last one stays four times as long."""
+
+
+def play(config: Config, folder: RunFolder, choice: AgentChoice, episode: int) -> list[tuple[Path, EpisodePath]]:
+    """Run one episode in each scene of a task and write it as a GIF into the run folder.
+
+    Args:
+        config: the configuration as run.
+        folder: the run folder.
+        choice: which agent, on which task.
+        episode: number of the episode; another one draws another start, target and actions.
+
+    Returns:
+        Files and paths, in the order of the scenes.
+
+    Raises:
+        InputError: the run holds no such agent.
+    """
+    method, seed = choice.method, choice.seed
+    if method != "random" and not folder.agent(method, seed).exists():
+        raise InputError(f"{folder.path}: holds no agent of {method} with seed {seed}; train it, or choose another.")
+    played = []
+    _, paths = paths_of_agent(config, folder, encode_training(config), choice, episode)
+    with progress_bar("drawing episodes", len(paths), "scenes") as advance:
+        for scene, episode_path in paths:
+            file = folder.film(method, choice.task, scene.name, episode)
+            write_gif(file, scene, episode_path)
+            played.append((file, episode_path))
+            advance(1)
+    return played
+
+
+def write_gif(file: Path, scene: Scene, path: EpisodePath) -> None:
+    """Draw an episode: view, target view and map side by side, one frame for each step.
+
+    Args:
+        file: the file.
+        scene: the scene with its views.
+        path: the episode.
+    """
+    frames = [
+        Image.fromarray(
+            np.concatenate(
+                [scene.views[state], scene.views[path.target], draw_map(scene, path, step, scene.views.shape[1])],
+                axis=1,
+            )
+        )
+        for step, state in enumerate(path.states)
+    ]
+    durations = [FRAME_MILLISECONDS] * (len(frames) - 1) + [4 * FRAME_MILLISECONDS]
+    with whole_file(file) as temporary:
+        frames[0].save(temporary, "GIF", save_all=True, append_images=frames[1:], duration=durations, loop=0)
+
+
+def draw_map(scene: Scene, path: EpisodePath, step: int, size: int) -> UInt8[np.ndarray, "size size 3"]:
+    """The room from above: free places, the path so far, the agent in blue and the target in red, with their headings.
+
+    Args:
+        scene: the scene.
+        walk: the path.
+        step: number of steps taken.
+        size: rows and columns of the picture.
+
+    Returns:
+        The picture, +z upwards.
+    """
+    low, high = scene.location.min(0) - GRID_STEP, scene.location.max(0) + GRID_STEP
+    scale = size / (high - low).max()
+    margin = (size - (high - low) * scale) / 2
+
+    def place(state: int) -> tuple[float, float]:
+        x, z = (scene.location[state] - low) * scale + margin
+        return float(x), float(size - z)
+
+    picture = Image.new("RGB", (size, size), "white")
+    pen = ImageDraw.Draw(picture)
+    half = 0.45 * GRID_STEP * scale
+    for x, y in {place(state) for state in range(scene.n_states)}:
+        pen.rectangle((x - half, y - half, x + half, y + half), fill="#dddddd")
+    track = [place(int(state)) for state in path.states[: step + 1]]
+    if len(track) > 1:
+        pen.line(track, fill="#1f6fd6", width=2)
+    for state, colour in ((path.target, "#d62728"), (int(path.states[step]), "#1f6fd6")):
+        x, y = place(state)
+        radians = np.deg2rad(scene.rotation[state])
+        tip = (x + 1.6 * half * np.sin(radians), y - 1.6 * half * np.cos(radians))
+        pen.line(((x, y), tip), fill=colour, width=3)
+        pen.ellipse((x - 0.7 * half, y - 0.7 * half, x + 0.7 * half, y + 0.7 * half), fill=colour)
+    return np.asarray(picture)

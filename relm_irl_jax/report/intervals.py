@@ -1,0 +1,79 @@
+"""Means over seeds and their 95% intervals (Student's t)."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64
+from scipy import stats
+
+LEVEL = 0.95
+"""Confidence level of all intervals."""
+
+
+@dataclass(frozen=True)
+class MeanInterval:
+    """A mean over seeds.
+
+    Attributes:
+        mean: the mean; NaN of no values.
+        half_width: half of its 95% interval; NaN with fewer than two values.
+    """
+
+    mean: float
+    half_width: float
+
+    def __format__(self, form: str) -> str:
+        """The mean, with the interval where there is one, both in a form such as `.1f`; `.2f` where none is given."""
+        numbers = (self.mean,) if np.isnan(self.half_width) else (self.mean, self.half_width)
+        return " ± ".join(format(number, form or ".2f") for number in numbers)
+
+    def __str__(self) -> str:
+        """The mean, with the interval where there is one."""
+        return format(self)
+
+
+def mean_intervals(
+    values: Float64[np.ndarray, "seeds columns"],
+) -> tuple[Float64[np.ndarray, "columns"], Float64[np.ndarray, "columns"]]:
+    """Mean and half of the 95% interval of each column: t(n − 1) · s / √n over its n known values.
+
+    Args:
+        values: one row a seed; entries that are not finite are unknown and do not count.
+
+    Returns:
+        Means, NaN where nothing is known; half widths, NaN where fewer than two values are.
+    """
+    known = np.ma.masked_invalid(values)
+    count = known.count(axis=0)
+    mean = np.ma.filled(known.mean(axis=0), np.nan)
+    error = np.ma.filled(known.std(axis=0, ddof=1), np.nan) / np.sqrt(np.maximum(count, 1))
+    quantile = stats.t.ppf((1 + LEVEL) / 2, np.maximum(count - 1, 1))
+    return mean, np.where(count > 1, quantile * error, np.nan)
+
+
+def mean_interval(values: Sequence[float]) -> MeanInterval:
+    """Mean and 95% interval of one value a seed.
+
+    Args:
+        values: the values.
+
+    Returns:
+        The mean and its interval.
+    """
+    mean, half_width = mean_intervals(np.asarray(values, np.float64).reshape(-1, 1))
+    return MeanInterval(float(mean[0]), float(half_width[0]))
+
+
+def paired_difference(first: Mapping[int, float], second: Mapping[int, float]) -> tuple[MeanInterval, int]:
+    """Mean difference over the seeds that both have.
+
+    Args:
+        first: values by seed.
+        second: values by seed, subtracted.
+
+    Returns:
+        The difference, and the number of seeds.
+    """
+    seeds = sorted(first.keys() & second.keys())
+    return mean_interval([first[seed] - second[seed] for seed in seeds]), len(seeds)

@@ -1,0 +1,230 @@
+"""The figures of a run, drawn from what its folder holds. Damaged data costs its own figure and no other."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TypeVar
+
+from relm_irl_jax.errors import InputError
+from relm_irl_jax.report.episodes import episode_caption, episode_columns, episode_figure
+from relm_irl_jax.report.figures import (
+    DrawnFigure,
+    bar_figure,
+    load_press_curve,
+    press_columns,
+    press_figure,
+    save_figure,
+)
+from relm_irl_jax.report.learning_curves import TrainingCurve, band_columns, learning_figure, load_curve
+from relm_irl_jax.report.maps import distance_caption, distance_figure, map_columns, reward_caption, reward_figure
+from relm_irl_jax.report.names import heading
+from relm_irl_jax.report.tables import columns_of, interval_of, methods_of, seeds_of
+from relm_irl_jax.results import Results, RewardQualityRow, Task, load_reward_quality
+from relm_irl_jax.run_folder import RunFolder
+from relm_irl_jax.saved_maps import load_episodes, load_map
+
+CURVELESS = ("random", "bc")
+"""Methods whose training meets no episodes."""
+
+LEARNED = ("irl", "elm-irl", "relm-irl")
+"""Methods whose reward is learned from demonstrations."""
+
+PREDICTED = ("elm-irl", "relm-irl")
+"""Methods that the paper's Figure 11 compares."""
+
+Read = TypeVar("Read")
+
+
+@dataclass
+class RunData:
+    """What a run folder holds for the report, read where it can be.
+
+    Attributes:
+        folder: the run folder.
+        results: metrics by task.
+        faults: one sentence for each thing that could not be read.
+    """
+
+    folder: RunFolder
+    results: Mapping[Task, Results]
+    faults: list[str] = field(default_factory=list)
+
+    @property
+    def trained(self) -> dict[str, list[int]]:
+        """The seeds of each method in the results."""
+        rows = [row for results in self.results.values() for row in results.rows]
+        return {method: seeds_of([row for row in rows if row.method == method]) for method in methods_of(rows)}
+
+    @property
+    def seeds(self) -> list[int]:
+        """The seeds of the results."""
+        return seeds_of([row for results in self.results.values() for row in results.rows])
+
+    @property
+    def learned_rewards(self) -> bool:
+        """Whether a method of the results learned its reward."""
+        return bool(set(LEARNED) & set(self.trained))
+
+    def read(self, load: Callable[[Path], Read], path: Path) -> Read | None:
+        """Read a file, or take note that it cannot be read.
+
+        Args:
+            load: reads the file, and raises InputError.
+            path: the file.
+
+        Returns:
+            What it holds, or None.
+        """
+        try:
+            return load(path)
+        except InputError as error:
+            self.faults.append(str(error))
+            return None
+
+    def curves(self) -> dict[str, dict[int, TrainingCurve]]:
+        """The learning curves of every method and seed; those of a method have the same frames.
+
+        Returns:
+            The curves; methods of which none can be read are left out.
+        """
+        found: dict[str, dict[int, TrainingCurve]] = {}
+        for method, seeds in self.trained.items():
+            for seed in () if method in CURVELESS else seeds:
+                path = self.folder.curve(method, seed)
+                curve = self.read(load_curve, path)
+                if curve is None:
+                    continue
+                own = found.setdefault(method, {})
+                if own and next(iter(own.values())).frames.tolist() != curve.frames.tolist():
+                    self.faults.append(f"{path}: its frames are not those of the method's other seeds; restore it.")
+                else:
+                    own[seed] = curve
+        return found
+
+    def reward_quality(self) -> dict[int, tuple[RewardQualityRow, ...]]:
+        """The quality of the learned rewards of each seed that learned some.
+
+        Returns:
+            The rows by seed.
+        """
+        seeds = self.seeds if self.learned_rewards else []
+        read = {seed: self.read(load_reward_quality, self.folder.rewards(seed, "quality.csv")) for seed in seeds}
+        return {seed: rows for seed, rows in read.items() if rows}
+
+
+def learning_curve_figure(data: RunData, curves: Mapping[str, Mapping[int, TrainingCurve]]) -> DrawnFigure:
+    """Draw the learning curves.
+
+    Args:
+        data: the run.
+        curves: the curves, of one method at least.
+
+    Returns:
+        The figure.
+    """
+    path = data.folder.figure("learning")
+    save_figure(learning_figure(curves), path, band_columns(curves))
+    bands = " and bands of 95% intervals over seeds" if len(data.seeds) > 1 else ""
+    caption = (
+        "Episodes that ended during training on the training targets: path length error (the paper's Figure 6), "
+        f"success rate and SPL, means over the last chunks{bands}"
+    )
+    return DrawnFigure(path, "Learning curves", caption)
+
+
+def press_curve_figure(data: RunData) -> list[DrawnFigure]:
+    """Draw the leave-one-out errors by which RELM-IRL's regressor kept its neurons.
+
+    Args:
+        data: the run.
+
+    Returns:
+        The figure; none where no seed has such errors.
+    """
+    paths = [data.folder.rewards(seed, "press.csv") for seed in data.seeds]
+    curves = [curve for p in paths if p.exists() and (curve := data.read(load_press_curve, p)) is not None]
+    if not curves:
+        return []
+    path = data.folder.figure("press")
+    save_figure(press_figure(curves), path, press_columns(curves))
+    caption = (
+        "Leave-one-out error (PRESS) of RELM-IRL's regressor on the demonstrated pairs against the neurons that it "
+        "keeps, one curve a seed, minima marked (as the paper's Figure 9)"
+    )
+    return [DrawnFigure(path, "Leave-one-out error against neurons", caption)]
+
+
+def prediction_figure(data: RunData) -> list[DrawnFigure]:
+    """Draw ELM-IRL and RELM-IRL on Task III, the paper's Figure 11.
+
+    Args:
+        data: the run.
+
+    Returns:
+        The figure; none where the task or a method was not evaluated.
+    """
+    rows = data.results["III"].rows if "III" in data.results else ()
+    if not set(PREDICTED) <= {row.method for row in rows}:
+        return []
+    columns = columns_of(rows)
+    bars = {method: [interval_of(rows, method, "spl", column) for column in columns] for method in PREDICTED}
+    table = [
+        (method, column, value.mean, value.half_width)
+        for method, own in bars.items()
+        for column, value in zip(columns, own, strict=True)
+    ]
+    path = data.folder.figure("figure-11")
+    names = ("method", "column", "spl", "half_width")
+    figure = bar_figure(bars, [heading(column) for column in columns], "SPL on Task III")
+    save_figure(figure, path, dict(zip(names, zip(*table, strict=True), strict=True)))
+    caption = "SPL of ELM-IRL and RELM-IRL on Task III, before and after regularisation (the paper's Figure 11)"
+    return [DrawnFigure(path, "ELM-IRL and RELM-IRL on Task III", caption)]
+
+
+def episode_figures(data: RunData) -> list[DrawnFigure]:
+    """Draw the episodes of every task that were saved.
+
+    Args:
+        data: the run.
+
+    Returns:
+        One figure a task.
+    """
+    drawn = []
+    for task in data.results:
+        episodes = data.read(load_episodes, data.folder.episodes(task))
+        if episodes:
+            path = data.folder.figure(f"episodes-{task}")
+            save_figure(episode_figure(episodes), path, episode_columns(episodes))
+            drawn.append(DrawnFigure(path, f"Episodes of Task {task} from above", episode_caption(episodes, task)))
+    return drawn
+
+
+def map_figures(data: RunData) -> list[DrawnFigure]:
+    """Draw the maps of learned distances and of rewards that were saved.
+
+    Args:
+        data: the run.
+
+    Returns:
+        One figure a map.
+    """
+    drawn = []
+    for task in data.results:
+        for file in data.folder.distance_maps(task):
+            saved = data.read(load_map, file)
+            if saved is not None:
+                path = data.folder.figure(file.stem)
+                save_figure(distance_figure(saved), path, map_columns(saved))
+                title = f"Distances to a target of Task {task} in {saved.poses.name}"
+                drawn.append(DrawnFigure(path, title, distance_caption(saved, task)))
+    if data.learned_rewards and not data.folder.reward_maps("*"):
+        data.faults.append(f"{data.folder.path}: holds no maps of rewards.")
+    for targets in ("trained", "new"):
+        for file in data.folder.reward_maps(targets):
+            saved = data.read(load_map, file)
+            if saved is not None:
+                path = data.folder.figure(file.stem)
+                save_figure(reward_figure(saved), path, map_columns(saved))
+                drawn.append(DrawnFigure(path, f"Rewards over {saved.poses.name}", reward_caption(saved, targets)))
+    return drawn

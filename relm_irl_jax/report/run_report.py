@@ -1,0 +1,242 @@
+"""The report of a run, drawn from its folder alone: tables beside the paper's, figures, where and how it ran."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from relm_irl_jax.errors import InputError
+from relm_irl_jax.files import write_bytes, write_table
+from relm_irl_jax.hardware import load_stage_times
+from relm_irl_jax.report.comparison import (
+    BASELINES,
+    OURS,
+    difference_columns,
+    difference_table,
+    differences,
+    statement,
+)
+from relm_irl_jax.report.figures import DrawnFigure
+from relm_irl_jax.report.html import render_page
+from relm_irl_jax.report.learning_curves import success_columns, success_table
+from relm_irl_jax.report.names import AGENT_NAMES, TASK_NAMES
+from relm_irl_jax.report.run_figures import (
+    RunData,
+    episode_figures,
+    learning_curve_figure,
+    map_figures,
+    prediction_figure,
+    press_curve_figure,
+)
+from relm_irl_jax.report.run_settings import RunSettings, load_run_settings
+from relm_irl_jax.report.tables import markdown_table, quality_table, table_columns
+from relm_irl_jax.results import load_all_results
+from relm_irl_jax.run_folder import RunFolder
+
+BUILT_IN = "rooms"
+"""What a configuration calls the built-in scenes."""
+
+
+def write_report(folder: RunFolder) -> Path:
+    """Write `report.md`, the same as one page, `report.html`, tables and figures from what the run folder holds.
+
+    Args:
+        folder: the run folder.
+
+    Returns:
+        The Markdown file.
+
+    Raises:
+        InputError: there is no run in the folder, or it holds no results.
+    """
+    load_run_settings(folder)  # says where there is no run at all
+    tasks = list(load_all_results(folder))
+    title = f"# Task {' and '.join(tasks)}" if len(tasks) < 3 else f"# {folder.path.name}: Tasks {', '.join(tasks)}"
+    text = [title, "", *run_sections(folder, folder.path, "##"), *circumstances(folder, "##")]
+    return write_page(text, folder.path)
+
+
+def write_page(text: Sequence[str], folder: Path) -> Path:
+    """Write a report as Markdown and as one page that needs no other file.
+
+    Args:
+        text: lines of Markdown; pictures are named relative to the folder.
+        folder: where `report.md` and `report.html` go.
+
+    Returns:
+        The Markdown file.
+    """
+    path = folder / "report.md"
+    write_bytes(path, "\n".join(text).encode())
+    write_bytes(folder / "report.html", render_page("\n".join(text), folder).encode())
+    return path
+
+
+def run_sections(folder: RunFolder, base: Path, heading: str, *, worded: bool = True) -> list[str]:
+    """What a run measured: a table for each task evaluated, paired differences, quality of rewards, and the figures.
+
+    Args:
+        folder: the run folder; tables and figures are written into it.
+        base: folder to which the names of pictures are relative.
+        heading: Markdown's mark of a heading of the sections.
+        worded: whether to say in words what the differences allow.
+
+    Returns:
+        Lines of Markdown.
+
+    Raises:
+        InputError: there is no run in the folder, or it holds no results.
+    """
+    data = RunData(folder, load_all_results(folder))
+    return [
+        *_setting(load_run_settings(folder), data),
+        *_tasks(data, heading),
+        *_differences(data, heading, worded=worded),
+        *_reward_quality(data, heading),
+        *_figures(data, base, heading),
+    ]
+
+
+def circumstances(folder: RunFolder, heading: str) -> list[str]:
+    """What differs from the paper's setting, the computer, the time, and the configuration as run.
+
+    Args:
+        folder: the run folder.
+        heading: Markdown's mark of a heading of the sections.
+
+    Returns:
+        Lines of Markdown.
+
+    Raises:
+        InputError: there is no run in the folder, or it holds no results.
+    """
+    settings = load_run_settings(folder)
+    cap = next(iter(load_all_results(folder).values())).cap
+    scenes = "Procedural rooms" if settings.scenes == BUILT_IN else f"Scenes of `{settings.scenes}`"
+    return [
+        f"{heading} Where this differs from the paper",
+        "",
+        f"{scenes} instead of AI2-THOR; an encoder with weights `{settings.weights}` instead of ImageNet's; "
+        f"{settings.frames:,} training frames a method and {cap} steps an episode, where the paper's text says 5000 "
+        f"and its tables fit 100; {AGENT_NAMES.get(settings.agent, f'agent `{settings.agent}`')}.",
+        "",
+        *_hardware(folder, heading),
+        f"{heading} Configuration",
+        "",
+        "```json",
+        folder.config.read_text().strip(),
+        "```",
+        "",
+    ]
+
+
+def _setting(settings: RunSettings, data: RunData) -> list[str]:
+    """One paragraph: what was trained and how it was evaluated."""
+    first = next(iter(data.results.values()))
+    rows = [row for results in data.results.values() for row in results.rows]
+    episodes = " or ".join(map(str, sorted({row.episodes for row in rows})))
+    seeds = f"seed{'s' if len(data.seeds) > 1 else ''} {', '.join(map(str, data.seeds))}"
+    agent = f"{settings.agent} agent" + (f" (hindsight: {settings.hindsight})" if settings.agent == "metric" else "")
+    actions = "drawn from the policy" if settings.policy == "sample" else "of highest probability"
+    uniform = "" if settings.new_targets == "paper" else ", Task II's targets drawn uniformly"
+    return [
+        f"Scenes `{settings.scenes}`, encoder {first.encoder}, {agent}, cap {first.cap} steps, {episodes} episodes for "
+        f"each scene, {settings.frames:,} training frames a method, {seeds}, actions {actions}{uniform}.",
+        "",
+    ]
+
+
+def _tasks(data: RunData, heading: str) -> list[str]:
+    """A section a task."""
+    interval = ", ± half of its 95% interval over seeds (Student's t)" if len(data.seeds) > 1 else ""
+    bold = " Bold: best by intervals that lie apart." if len(data.seeds) > 1 else ""
+    text = []
+    for number, (task, results) in enumerate(data.results.items()):
+        write_table(data.folder.table(f"task-{task}"), table_columns(results))
+        table = {"I": 1, "II": 2, "III": 3}[task]
+        text += [f"{heading} Task {task}: {TASK_NAMES[task]} (the paper's Table {table})", "", markdown_table(results)]
+        text.append("")
+        if number == 0:
+            text += [
+                f"Each value is the mean over the scenes of a room type{interval}; the last column is the mean over "
+                f"room types.{bold} In brackets: the paper's own number for another environment (AI2-THOR, an encoder "
+                "trained on ImageNet), not a like-for-like comparison.",
+                "",
+            ]
+    return text
+
+
+def _differences(data: RunData, heading: str, *, worded: bool) -> list[str]:
+    """What paired seeds say about differences between methods; one sentence where there is one seed."""
+    found = differences(data.results)
+    if not found:
+        compared = OURS in data.trained and bool(set(BASELINES) & set(data.trained))
+        return [*statement(found), ""] if compared and worded else []
+    write_table(data.folder.table("differences"), difference_columns(found))
+    return [
+        f"{heading} Differences on the same seeds",
+        "",
+        *(f"- {sentence}" for sentence in statement(found) if worded),
+        "",
+        difference_table(found),
+        "",
+        f"Means over {found[0].seeds} paired seeds and room types, ± half of the 95% interval (Student's t), each on "
+        "its own; bold where it excludes zero.",
+        "",
+    ]
+
+
+def _reward_quality(data: RunData, heading: str) -> list[str]:
+    """How good the learned rewards are, apart from any agent."""
+    quality = data.reward_quality()
+    if not quality:
+        return []
+    return [
+        f"{heading} Quality of the learned rewards",
+        "",
+        quality_table(quality),
+        "",
+        "Rank: where the reward places its target among the states of the scene, in the median over targets and "
+        "starts; 1 is best. Order: mean Spearman correlation between reward and closeness to the target. IRL's reward "
+        "is solved from demonstrations of its target; ELM-IRL's and RELM-IRL's are predicted from the views of start "
+        "and target.",
+        "",
+    ]
+
+
+def _figures(data: RunData, base: Path, heading: str) -> list[str]:
+    """The figures with their captions, and what could not be drawn."""
+    text = [f"{heading} Figures", ""]
+    curves = data.curves()
+    if curves:
+        write_table(data.folder.table("frames-to-success"), success_columns(curves))
+        text += [*_shown(learning_curve_figure(data, curves), base), success_table(curves), ""]
+    figures = (*press_curve_figure(data), *prediction_figure(data), *episode_figures(data), *map_figures(data))
+    for figure in figures:
+        text += _shown(figure, base)
+    if data.faults:
+        text += ["Not shown, since its data cannot be read:", "", *(f"- {fault}" for fault in data.faults), ""]
+    return text
+
+
+def _shown(figure: DrawnFigure, base: Path) -> list[str]:
+    return [f"![{figure.title}]({figure.path.relative_to(base).as_posix()})", "", f"*{figure.caption}.*", ""]
+
+
+def _hardware(folder: RunFolder, heading: str) -> list[str]:
+    """The computer and the time; one line where they cannot be read."""
+    try:
+        times = load_stage_times(folder.hardware)
+    except InputError as error:
+        return [f"{heading} Hardware and time", "", f"Not shown: {error}", ""]
+    hardware = times.hardware
+    packages = ", ".join(f"{name} {version}" for name, version in hardware.packages.items())
+    return [
+        f"{heading} Hardware and time",
+        "",
+        f"{hardware.processor}, {hardware.cores} cores, {', '.join(hardware.devices)}; {hardware.system}, Python "
+        f"{hardware.python}, {packages}.",
+        "",
+        "| Stage, all calls and seeds together | Seconds |",
+        "|---|---:|",
+        *(f"| {stage} | {seconds:.1f} |" for stage, seconds in times.seconds.items()),
+        "",
+    ]

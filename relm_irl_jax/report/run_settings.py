@@ -1,0 +1,64 @@
+"""The settings of a run that its report states, read from `config.json` without the rest of the configuration.
+
+A report can so be drawn again after fields of the configuration were renamed, and without what they configure.
+"""
+
+from typing import Annotated
+
+from pydantic import AliasChoices, AliasPath, Field, TypeAdapter, ValidationError
+from pydantic.dataclasses import dataclass
+
+from relm_irl_jax.errors import InputError, first_fault
+from relm_irl_jax.run_folder import RunFolder
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunSettings:
+    """Some fields of a run's configuration.
+
+    Attributes:
+        scenes: `rooms`, or a folder of scene files.
+        frames: training frames of each method and seed.
+        agent: kind of agent.
+        weights: weights of the encoder.
+        new_targets: how Task II's targets were drawn, `paper` or `uniform`.
+        policy: whether actions were drawn (`sample`) or the most probable ones (`greedy`).
+        hindsight: which views an agent set itself as goals; empty where the configuration does not say.
+    """
+
+    scenes: str
+    frames: int
+    agent: str
+    weights: Annotated[str, Field(validation_alias=AliasPath("encoder", "weights"))]
+    new_targets: Annotated[str, Field(validation_alias=AliasPath("evaluation", "new_targets"))]
+    policy: Annotated[str, Field(validation_alias=AliasPath("evaluation", "policy"))]
+    hindsight: Annotated[
+        str,
+        Field(validation_alias=AliasChoices(AliasPath("goals", "hindsight"), AliasPath("metric", "hindsight"))),
+    ] = ""
+
+
+_ADAPTER = TypeAdapter(RunSettings)
+
+
+def load_run_settings(folder: RunFolder) -> RunSettings:
+    """Read the settings that the report states.
+
+    Args:
+        folder: the run folder.
+
+    Returns:
+        The settings.
+
+    Raises:
+        InputError: `config.json` is missing or damaged.
+    """
+    try:
+        return _ADAPTER.validate_json(folder.config.read_bytes())
+    except OSError as error:
+        raise InputError(
+            f"run: {folder.config} cannot be read ({error.strerror}); give the folder of a run made by "
+            "`relm-irl train`."
+        ) from error
+    except ValidationError as error:
+        raise InputError(f"{folder.config}: {first_fault(error)} Restore the file.") from error

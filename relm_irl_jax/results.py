@@ -1,0 +1,176 @@
+"""What was measured: metrics of trained agents (`results.json`) and the quality of learned rewards (`quality.csv`)."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Literal, get_args
+
+from pydantic import Field, NonNegativeInt, PositiveInt, TypeAdapter, ValidationError
+from pydantic.dataclasses import dataclass
+
+from relm_irl_jax.errors import InputError, first_fault
+from relm_irl_jax.files import read_table, write_json, write_table
+from relm_irl_jax.run_folder import RunFolder
+
+Task = Literal["I", "II", "III"]
+TASKS: tuple[Task, ...] = get_args(Task)
+
+TargetGroup = Literal["trained", "new", "uniform"]
+"""Targets of Task I, and of Task II by either way to draw them."""
+
+Share = Annotated[float, Field(ge=0, le=1)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResultRow:
+    """Metrics of one agent in one scene.
+
+    Attributes:
+        method: the method that trained it, such as `relm-irl`.
+        agent: kind of agent, such as `siamese`; empty in files that do not say.
+        scene: name of the scene.
+        room_type: room type of the scene.
+        seed: seed of the training.
+        episodes: number of episodes, all with starts and targets drawn anew.
+        sr: share of the episodes that ended at the target.
+        ple: mean over all episodes of actions taken minus actions of a shortest path; a failure counts the cap.
+        spl: success weighted by path length, mean over all episodes of S · shortest / max(taken, shortest).
+    """
+
+    method: str
+    agent: str = ""
+    scene: str
+    room_type: str
+    seed: NonNegativeInt
+    episodes: PositiveInt
+    sr: Share
+    ple: Annotated[float, Field(allow_inf_nan=False)]
+    spl: Share
+
+
+@dataclass(frozen=True)
+class Results:
+    """Metrics of all agents of a run on one task.
+
+    Attributes:
+        task: the task.
+        cap: steps after which an episode was cut.
+        encoder: what encoded the views.
+        rows: one for each method, seed and scene.
+    """
+
+    task: Task
+    cap: PositiveInt
+    encoder: str
+    rows: Annotated[tuple[ResultRow, ...], Field(min_length=1)]
+
+
+_RESULTS = TypeAdapter(Results)
+
+
+def save_results(folder: RunFolder, results: Results) -> None:
+    """Write `results-TASK.json`, and the same as `results.json`, the task evaluated last.
+
+    Args:
+        folder: the run folder.
+        results: the metrics.
+    """
+    values = _RESULTS.dump_python(results, mode="json")
+    write_json(folder.results(results.task), values)
+    write_json(folder.results(), values)
+
+
+def load_results(folder: RunFolder, task: Task | None = None) -> Results:
+    """Read the metrics of a task.
+
+    Args:
+        folder: the run folder.
+        task: the task; None for the one evaluated last.
+
+    Returns:
+        The metrics.
+
+    Raises:
+        InputError: the task was not evaluated yet, or the file is damaged.
+    """
+    path = folder.results(task)
+    remedy = f"run `relm-irl evaluate {folder.path}{'' if task is None else f' --task {task}'}`."
+    try:
+        results = _RESULTS.validate_json(path.read_bytes())
+    except ValidationError as error:
+        raise InputError(f"{path}: {first_fault(error)} Remove the file and {remedy}") from error
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); {remedy}") from error
+    if task not in (None, results.task):
+        raise InputError(f"{path}: task = {results.task!r} is not the task of the file's name; remove it and {remedy}")
+    return results
+
+
+def load_all_results(folder: RunFolder) -> dict[Task, Results]:
+    """Read the metrics of every task evaluated.
+
+    Args:
+        folder: the run folder.
+
+    Returns:
+        The metrics by task.
+
+    Raises:
+        InputError: nothing was evaluated yet, or a file is damaged.
+    """
+    found = {task: load_results(folder, task) for task in TASKS if folder.results(task).exists()}
+    if not found:
+        raise InputError(f"{folder.path}: holds no results; run `relm-irl evaluate {folder.path}`.")
+    return found
+
+
+@dataclass(frozen=True)
+class RewardQualityRow:
+    """How good one method's rewards are for a group of targets, apart from any agent.
+
+    Attributes:
+        method: the method whose reward it is.
+        targets: `trained`, `new` (Task II) or `uniform` (Task II, targets drawn uniformly).
+        median_rank: median over targets and starts of the target's rank by reward among its scene's states; 1 is best.
+        median_rank_share: the same, each rank as a share of the number of states.
+        mean_order: mean Spearman correlation between reward and closeness to the target.
+    """
+
+    method: str
+    targets: TargetGroup
+    median_rank: Annotated[float, Field(ge=1)]
+    median_rank_share: Share
+    mean_order: float
+
+
+_QUALITY = TypeAdapter(tuple[RewardQualityRow, ...])
+_QUALITY_COLUMNS = ("method", "targets", "median_rank", "median_rank_share", "mean_order")
+
+
+def save_reward_quality(path: Path, rows: Sequence[RewardQualityRow]) -> None:
+    """Write `quality.csv`.
+
+    Args:
+        path: the file.
+        rows: one for each method and group of targets.
+    """
+    write_table(path, {name: [getattr(row, name) for row in rows] for name in _QUALITY_COLUMNS})
+
+
+def load_reward_quality(path: Path) -> tuple[RewardQualityRow, ...]:
+    """Read `quality.csv`.
+
+    Args:
+        path: the file.
+
+    Returns:
+        One row for each method and group of targets.
+
+    Raises:
+        InputError: the file is missing or damaged.
+    """
+    table = read_table(path)
+    rows = [dict(zip(table, values, strict=True)) for values in zip(*table.values(), strict=True)]
+    try:
+        return _QUALITY.validate_python(rows)
+    except ValidationError as error:
+        raise InputError(f"{path}: {first_fault(error)} Restore the file, or remove it.") from error

@@ -1,0 +1,65 @@
+"""Reward features φ(s): principal components of the training scenes' view features.
+
+    φ(s) = C (x(s) − x̄)
+
+with x(s) the encoder's features of the view of s, x̄ their mean over the training scenes and C the loadings of the
+first principal components. One factor scales all of them, so that ‖φ(s)‖² has mean d over the training scenes: the
+regulariser of the inverse problem then does not depend on the units of x.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64
+
+from relm_irl_jax.errors import InputError
+from relm_irl_jax.scenes.scene import Scene
+
+
+@dataclass(frozen=True)
+class RewardBasis:
+    """The linear map from view features to reward features.
+
+    Attributes:
+        mean: x̄.
+        components: C, transposed, the scale included.
+    """
+
+    mean: Float64[np.ndarray, "feature"]
+    components: Float64[np.ndarray, "feature d"]
+
+    def phi(self, scene: Scene) -> Float64[np.ndarray, "states d"]:
+        """Reward features of every state of a scene.
+
+        Args:
+            scene: the scene, encoded.
+
+        Returns:
+            φ.
+        """
+        return (scene.encoded - self.mean) @ self.components
+
+
+def fit_basis(scenes: Sequence[Scene], dimension: int) -> RewardBasis:
+    """Fit φ on the views of the training scenes.
+
+    Args:
+        scenes: encoded training scenes.
+        dimension: number of principal components; 0 for all that the views span.
+
+    Returns:
+        The basis.
+
+    Raises:
+        InputError: more components are asked for than the views span.
+    """
+    features = np.concatenate([np.asarray(scene.encoded, np.float64) for scene in scenes])
+    mean = features.mean(0)
+    variance, directions = np.linalg.eigh((features - mean).T @ (features - mean) / len(features))
+    spanned = int((variance > variance[-1] * 1e-12).sum())
+    if dimension > spanned:
+        raise InputError(f"irl.dimension: {dimension} asked for, the training views span {spanned}; ask for fewer.")
+    kept = slice(-1, -(dimension or spanned) - 1, -1)
+    scale = np.sqrt((dimension or spanned) / variance[kept].sum())
+    return RewardBasis(mean, directions[:, kept] * scale)

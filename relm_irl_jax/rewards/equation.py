@@ -1,0 +1,76 @@
+"""The linear reward of the paper (Equation 1), relative to the target; every part of the project computes it here.
+
+    cost form:  r(s, g) = clip( w·(φ(s) − φ(g)), −r_max, −c_min )   for s ≠ g,     r(g, g) = 0
+    free form:  r(s, g) = clip( w·φ(s), −r_max, r_max )
+
+An episode ends at the target with a return of 0 (Algorithm 1, line 12). In the cost form this is consistent with the
+reward, since r(g, g) = 0 and every other state costs something. In the free form, the paper's |r| ≤ r_max, a reward
+may be positive away from the target, where staying then pays.
+"""
+
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
+
+import jax
+import numpy as np
+from jaxtyping import Array, Float
+
+Scalar = float | Float[Array, ""]
+
+AnyArray = TypeVar("AnyArray", np.ndarray, Array)
+"""NumPy arrays in, NumPy arrays out; likewise for JAX."""
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class LinearRewardForm:
+    """Bounds of the linear reward.
+
+    Attributes:
+        r_max: largest cost of a step; in the free form, the largest size of the reward.
+        minimum_cost: c_min, smallest cost of a step that does not reach the target, in the units of `r_max`.
+        relative: whether φ(g) is subtracted (cost form). Static.
+    """
+
+    r_max: Scalar
+    minimum_cost: Scalar
+    relative: bool = field(metadata={"static": True})
+
+
+def unclipped_reward(weights: AnyArray, phi: AnyArray, target_phi: AnyArray, form: LinearRewardForm) -> AnyArray:
+    """The linear reward before it is clipped, which ranks states even where the bounds make rewards equal.
+
+    Args:
+        weights: w, [d] for all states alike or [states d].
+        phi: φ of the states, [d] or [states d].
+        target_phi: φ of the target, [d].
+        form: the form.
+
+    Returns:
+        w·(φ(s) − φ(g)), or w·φ(s) in the free form; [] or [states].
+    """
+    namespace: Any = phi.__array_namespace__()
+    return namespace.vecdot(weights, phi - target_phi if form.relative else phi)
+
+
+def linear_reward(
+    weights: AnyArray, phi: AnyArray, target_phi: AnyArray, at_target: AnyArray, form: LinearRewardForm
+) -> AnyArray:
+    """The reward for arriving in states, as agents are paid it.
+
+    Args:
+        weights: w, [d] for all states alike or [states d].
+        phi: φ of the states, [d] or [states d].
+        target_phi: φ of the target, [d].
+        at_target: whether each state is the target, [] or [states].
+        form: bounds and form.
+
+    Returns:
+        r(s, g), [] or [states].
+    """
+    namespace: Any = phi.__array_namespace__()
+    reward = unclipped_reward(weights, phi, target_phi, form)
+    if not form.relative:
+        return namespace.clip(reward, -form.r_max, form.r_max)
+    cost = namespace.clip(reward, -form.r_max, -form.minimum_cost)
+    return namespace.where(at_target, namespace.zeros_like(cost), cost)

@@ -1,0 +1,99 @@
+"""The run folder: everything a run leaves behind, and what lets it go on where it stopped.
+
+    config.json                           the configuration as run
+    hardware.json                         where it ran, and how long each stage took
+    agents/METHOD-seed-S.safetensors      network weights
+    curves/METHOD-seed-S.csv              the learning curve
+    checkpoints/METHOD-seed-S/            state of a training that is under way (Orbax); gone when it is done
+    tensorboard/METHOD-seed-S/            the learning curve for TensorBoard
+    rewards/seed-S/                       basis, demonstrated weights, fitted regressors, quality of the rewards
+    maps/reward-TARGETS-ROOM.safetensors  rewards of every state of a room for one target
+    maps/distance-TASK-ROOM.safetensors   distances of every state of a room to one target
+    episodes/TASK.safetensors             one episode in a scene of each room type
+    results-TASK.json, results.json       metrics for each task, and of the task evaluated last
+    tables/                               the report's tables as CSV
+    figures/                              its figures, and what each shows as CSV beside it
+    report.html, report.md                all of it for people
+
+The stages write all but the last three, which the report draws from the others.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class RunFolder:
+    """Paths of a run folder's files. Folders are created by what writes the files.
+
+    Attributes:
+        path: the folder.
+    """
+
+    path: Path
+
+    @property
+    def config(self) -> Path:
+        """Path of the configuration as run."""
+        return self.path / "config.json"
+
+    @property
+    def hardware(self) -> Path:
+        """Path of what is kept of the computer and of the time that each stage took."""
+        return self.path / "hardware.json"
+
+    def agent(self, method: str, seed: int) -> Path:
+        """Path of a trained network."""
+        return self.path / "agents" / f"{method}-seed-{seed}.safetensors"
+
+    def curve(self, method: str, seed: int) -> Path:
+        """Path of a learning curve."""
+        return self.path / "curves" / f"{method}-seed-{seed}.csv"
+
+    def checkpoints(self, method: str, seed: int) -> Path:
+        """Folder of a training's checkpoints."""
+        return self.path / "checkpoints" / f"{method}-seed-{seed}"
+
+    def scalars(self, method: str, seed: int) -> Path:
+        """Folder of a training's scalars for TensorBoard."""
+        return self.path / "tensorboard" / f"{method}-seed-{seed}"
+
+    def rewards(self, seed: int, name: str) -> Path:
+        """Path of a file on learned rewards."""
+        return self.path / "rewards" / f"seed-{seed}" / name
+
+    def results(self, task: str | None = None) -> Path:
+        """Path of the metrics of a task, or of the task evaluated last."""
+        return self.path / ("results.json" if task is None else f"results-{task}.json")
+
+    def reward_map(self, targets: str, room_type: str) -> Path:
+        """Path of the rewards of a room's states for a `trained` or a `new` target."""
+        return self.path / "maps" / f"reward-{targets}-{room_type}.safetensors"
+
+    def reward_maps(self, targets: str) -> list[Path]:
+        """Paths of the reward maps that the folder holds, by room type."""
+        return sorted((self.path / "maps").glob(f"reward-{targets}-*.safetensors"))
+
+    def distance_map(self, task: str, room_type: str) -> Path:
+        """Path of the distances of a room's states to a target of a task."""
+        return self.path / "maps" / f"distance-{task}-{room_type}.safetensors"
+
+    def distance_maps(self, task: str) -> list[Path]:
+        """Paths of the distance maps that the folder holds, by room type."""
+        return sorted((self.path / "maps").glob(f"distance-{task}-*.safetensors"))
+
+    def episodes(self, task: str) -> Path:
+        """Path of the episodes of a task that the report shows."""
+        return self.path / "episodes" / f"{task}.safetensors"
+
+    def film(self, method: str, task: str, scene: str, episode: int) -> Path:
+        """Path of an episode as a moving picture."""
+        return self.path / "episodes" / f"{method}-{task}-{scene}-{episode}.gif"
+
+    def table(self, name: str) -> Path:
+        """Path of a table of the report as CSV."""
+        return self.path / "tables" / f"{name}.csv"
+
+    def figure(self, name: str) -> Path:
+        """Path of a figure of the report."""
+        return self.path / "figures" / f"{name}.png"

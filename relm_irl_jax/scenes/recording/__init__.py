@@ -1,0 +1,1 @@
+"""Recording of scenes of other simulators as scene files."""

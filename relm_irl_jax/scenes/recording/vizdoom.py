@@ -1,0 +1,153 @@
+"""Scenes of ViZDoom: a game engine with human-made maps, without window and network.
+
+The wheel of `vizdoom` holds the Freedoom maps, `map01` to `map32` and `e1m1` to `e4m9`.
+
+- **Scale.** `map_units` map units, 32 by default, are 0.5 m. The player is 32 units wide and 56 tall, so neighbouring
+  places do not overlap. The map's x is the scene's x, its y the scene's z; the player's start is a place.
+- **Moves** are the engine's own: the player is warped to a place, runs ahead, and has moved if it gets as far as the
+  next place. Solid objects, walls, steps higher than 24 units and closed doors are therefore collisions. States are the
+  places that can be reached from the start and back, nearest first, up to a limit; drops bound the region. The start is
+  the player's, or, with `start = "objects"`, a place beside the object with the most kinds of others around it.
+- **Views** are the centre square of a 4:3 frame, cropped and never resampled, with a field of view at which the square
+  sees 90 degrees, as in the built-in rooms. Weapon, messages, HUD, flashes and monsters are off.
+- **Each place begins a fresh episode**, once for its views and once for its moves, which therefore do not depend on
+  other places: items that a move picks up are back, lights flicker in the same phase, and an interrupted recording
+  continues to the same file.
+- **Objects** are the engine's labels: decorations and items by name, with the share of the view that they cover.
+"""
+
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import Literal
+
+from pydantic import Field, PositiveInt
+from pydantic.dataclasses import dataclass
+
+from relm_irl_jax.progress import progress_bar
+from relm_irl_jax.scenes.recording.export import SceneOpener
+from relm_irl_jax.scenes.recording.simulator import AHEAD, BACK, Pose, SimulatorScene
+from relm_irl_jax.scenes.recording.vizdoom_engine import RESOLUTIONS, find_wad, start_engine, vizdoom_package
+from relm_irl_jax.scenes.recording.vizdoom_player import Player
+from relm_irl_jax.scenes.scene import GRID_STEP, HEADINGS
+from relm_irl_jax.scenes.scene_file import NAME_PATTERN
+
+
+@dataclass(frozen=True)
+class VizdoomSettings:
+    """States and views of ViZDoom's maps."""
+
+    states: int = Field(default=600, ge=8)
+    """Greatest number of states of a scene, four for each place; the original scenes have 180 to 900."""
+    map_units: PositiveInt = 32
+    """Map units in one step of 0.5 m."""
+    image_size: int = Field(default=224, ge=8, le=RESOLUTIONS[-1][1])
+    """Rows and columns of a view."""
+    start: Literal["player", "objects"] = "player"
+    """Begin at the player's start, or where the most kinds of objects are near each other."""
+    room_type: str = Field(default="doom", pattern=f"^{NAME_PATTERN}$")
+    """Room type of the scenes. The siamese agent has a head for each; Task III seeks what was trained in the same."""
+    wad: Path | None = None
+    """WAD file with the maps; by default Freedoom's, from the wheel."""
+
+
+def vizdoom_maps(names: Sequence[str], settings: VizdoomSettings) -> dict[str, SceneOpener]:
+    """Prepare the recording of several maps; nothing is started if one of them is missing.
+
+    Args:
+        names: the maps.
+        settings: states and views.
+
+    Returns:
+        For each map a function that starts the engine in it.
+
+    Raises:
+        InputError: ViZDoom is not installed, or there is no such map.
+    """
+    vizdoom = vizdoom_package()
+    for name in names:
+        find_wad(vizdoom, name, settings.wad)
+    return {name.lower(): partial(vizdoom_map, name, settings) for name in names}
+
+
+@contextmanager
+def vizdoom_map(name: str, settings: VizdoomSettings) -> Iterator[SimulatorScene]:
+    """Start the engine in a map.
+
+    Args:
+        name: the map, for example `map01`, or `e1m1` for the maps of Freedoom's first part.
+        settings: states and views.
+
+    Yields:
+        The scene; the engine runs until the context ends.
+
+    Raises:
+        InputError: ViZDoom is not installed, or there is no such map.
+    """
+    vizdoom = vizdoom_package()
+    wad = find_wad(vizdoom, name, settings.wad)
+    size, units = settings.image_size, settings.map_units
+    resolution = next((width, height) for width, height in RESOLUTIONS if height >= size)
+    with tempfile.TemporaryDirectory() as folder:
+        game = start_engine(vizdoom, name, wad, resolution, Path(folder))
+        try:
+            player = Player(vizdoom, game, resolution, image_size=size, map_units=units)
+            poses = _find_poses(player, name, settings)
+            source = (
+                f"vizdoom/{vizdoom.__version__} {wad.name} {name} from {settings.start}, "
+                f"{units} units a step, {size} pixels"
+            )
+            yield SimulatorScene(name.lower(), settings.room_type, source, poses, player.move, player.view)
+        finally:
+            game.close()
+
+
+def _find_poses(player: Player, name: str, settings: VizdoomSettings) -> list[Pose]:
+    """Poses of the region that is recorded, four at each of its places; the first full region, or the largest."""
+    max_places = settings.states // 4
+    starts = player.starts_near_objects(max_places) if settings.start == "objects" else [player.start]
+    region: list[Pose] = []
+    with progress_bar(f"exploring {name.lower()}", max_places, "places") as advance:
+        for start in starts:
+            places: list[Pose] = []
+            for place in reachable_places(player.move, start, max_places):
+                places.append(place)
+                if len(places) > len(region):
+                    advance(1)
+            region = max(region, places, key=len)
+            if len(region) == max_places:
+                break
+    return [place._replace(rotation=heading) for place in region for heading in HEADINGS]
+
+
+def reachable_places(move: Callable[[Pose, str], Pose | None], start: Pose, max_places: int) -> Iterator[Pose]:
+    """Search breadth-first for places that can be reached from the start and back.
+
+    Args:
+        move: the pose after an action, None for a collision.
+        start: first place.
+        max_places: number of places after which the search ends.
+
+    Yields:
+        The places as they are found, all with the first heading.
+    """
+
+    def pose(offset: tuple[int, int], heading: float = HEADINGS[0]) -> Pose:
+        # Computed from the start, not from a neighbour: sums along two paths would differ by rounding.
+        return Pose(start.x + GRID_STEP * offset[0], start.z + GRID_STEP * offset[1], heading)
+
+    queue = [(0, 0)]
+    found = {(0, 0)}
+    yield pose((0, 0))
+    for column, row in queue:  # grows as places are found
+        for heading, (dx, dz) in zip(HEADINGS, ((0, 1), (1, 0), (0, -1), (-1, 0)), strict=True):
+            neighbour = (column + dx, row + dz)
+            if len(queue) == max_places or neighbour in found:
+                continue
+            there = move(pose((column, row), heading), AHEAD)
+            if there is not None and move(pose(neighbour, heading), BACK) is not None:
+                found.add(neighbour)
+                queue.append(neighbour)
+                yield pose(neighbour)

@@ -1,0 +1,43 @@
+"""Built-in rooms on disk: each room is generated once and then read from the user's cache folder."""
+
+from pathlib import Path
+
+from platformdirs import user_cache_path
+
+from relm_irl_jax.errors import InputError
+from relm_irl_jax.scenes.rooms.room_specifications import VERSION
+from relm_irl_jax.scenes.scene import Scene
+from relm_irl_jax.scenes.scene_file import load_scene, save_scene
+
+
+def cache_folder() -> Path:
+    """Folder in which generated rooms and features are kept between runs."""
+    return user_cache_path("relm-irl-jax")
+
+
+def built_in_room(
+    room_type: str, number: int, *, size: str = "full", image_size: int = 224, views: bool = True
+) -> Scene:
+    """Read a built-in room from the cache; generate and save it where it is missing or damaged.
+
+    Args:
+        room_type: one of `ROOM_TYPES`.
+        number: the room's number, which is its seed.
+        size: `full` or `tiny`.
+        image_size: rows and columns of a view.
+        views: whether to read the views.
+
+    Returns:
+        The room.
+    """
+    path = cache_folder() / f"rooms-{VERSION}-{size}-{image_size}" / f"{room_type}-{number}.h5"
+    if path.exists():
+        try:
+            return load_scene(path, views=views)
+        except InputError:
+            path.unlink()
+    from relm_irl_jax.scenes.rooms.generate import generate_room  # loads JAX
+
+    scene = generate_room(room_type, number, size=size, image_size=image_size)
+    save_scene(scene, path)
+    return scene if views else scene.without_views()

@@ -1,0 +1,100 @@
+"""Views of a room, rendered in batches by one compiled program for all rooms."""
+
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Float32, UInt8, UInt32
+
+from relm_irl_jax.progress import progress_bar
+from relm_irl_jax.scenes.rooms.furniture import CATEGORIES
+from relm_irl_jax.scenes.rooms.ray_casting import MAX_BOXES, BoxArrays, cast_rays
+from relm_irl_jax.scenes.rooms.shading import shade
+
+BATCH_SIZE = 16
+"""Views per call of the compiled program."""
+
+
+def render_views(
+    boxes: BoxArrays,
+    location: Float[np.ndarray, "states 2"],
+    rotation: Float[np.ndarray, "states"],
+    *,
+    size: int,
+    description: str = "rendering",
+) -> tuple[UInt8[np.ndarray, "states height width 3"], Float32[np.ndarray, "states category"]]:
+    """Render all poses of a room, showing a progress bar.
+
+    Args:
+        boxes: the room.
+        location: places (x, z) in metres.
+        rotation: headings in degrees.
+        size: rows and columns of an image.
+        description: label of the progress bar.
+
+    Returns:
+        Images, and the share of each that each of `CATEGORIES` covers.
+    """
+    total = len(location)
+    images = np.empty((total, size, size, 3), np.uint8)
+    shares = np.empty((total, len(CATEGORIES)), np.float32)
+
+    def dispatch(start: int) -> tuple[Array, Array]:
+        chosen = np.minimum(np.arange(start, start + BATCH_SIZE), total - 1)  # the last batch repeats its last pose
+        poses = (jnp.asarray(values[chosen], jnp.float32) for values in (location, rotation))
+        return render_batch(boxes, *poses, size=size)
+
+    with progress_bar(description, total, "views") as advance:
+        following = dispatch(0)
+        for start in range(0, total, BATCH_SIZE):
+            packed, share = following
+            if start + BATCH_SIZE < total:
+                following = dispatch(start + BATCH_SIZE)  # computed while this batch is copied
+            done = min(BATCH_SIZE, total - start)
+            images[start : start + done] = unpack_rgb(np.asarray(packed))[:done]
+            shares[start : start + done] = np.asarray(share)[:done]
+            advance(done)
+    return images, shares
+
+
+@partial(jax.jit, static_argnames="size")
+def render_batch(
+    boxes: BoxArrays,
+    location: Float32[Array, "view 2"],
+    rotation: Float32[Array, "view"],
+    *,
+    size: int,
+) -> tuple[UInt32[Array, "view height width"], Float[Array, "view category"]]:
+    """Render a batch of poses in one compiled program; one after the other, so that a view's arrays stay in the cache.
+
+    Args:
+        boxes: the room.
+        location: places (x, z) in metres.
+        rotation: headings in degrees.
+        size: rows and columns of an image.
+
+    Returns:
+        Images, packed as `unpack_rgb` reads them, and the share of each that each of `CATEGORIES` covers.
+    """
+    return jax.lax.map(lambda pose: _view(boxes, pose[0], pose[1], size), (location, rotation))
+
+
+def unpack_rgb(packed: UInt32[np.ndarray, "*shape"]) -> UInt8[np.ndarray, "*shape 3"]:
+    """Split colours into red, green and blue.
+
+    Args:
+        packed: one integer a pixel, red in the lowest byte, then green, then blue.
+    """
+    return packed.astype("<u4", copy=False)[..., None].view(np.uint8)[..., :3]
+
+
+def _view(
+    boxes: BoxArrays, location: Float32[Array, "2"], rotation: Float32[Array, ""], size: int
+) -> tuple[UInt32[Array, "height width"], Float[Array, "category"]]:
+    """Image of one pose, and the share of it that each category covers."""
+    hits = cast_rays(boxes, location, rotation, size)
+    pixels = jnp.bincount(hits.box.ravel() + 1, length=MAX_BOXES + 1)[1:]  # without the pixels that see nothing
+    belongs = boxes.category[None] == jnp.arange(len(CATEGORIES))[:, None]
+    share = jnp.sum(jnp.where(belongs, pixels[None], 0), axis=1).astype(jnp.float32) / (size * size)
+    return shade(boxes, hits, location, rotation, size), share

@@ -1,0 +1,185 @@
+"""Scene files: the THOR v1 format of Zhu et al. (2017), one HDF5 file a scene.
+
+Datasets: `observation` (state, height, width, 3), `resnet_feature` (state, crop, 2048; crop 0 is read), `location`,
+`rotation`, `graph`, `shortest_path_distance`. This package adds, optionally, labels and origin: the dataset
+`visible_object` with the attribute `categories`, and the file attributes `name`, `room_type`, `source`, `encoder` and
+`format_version`. A file without these is read as an original one.
+"""
+
+import os
+import re
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from relm_irl_jax.errors import InputError
+from relm_irl_jax.files import whole_file
+from relm_irl_jax.scenes.scene import ACTIONS, COLLISION, ROOM_TYPES, UNREACHABLE, Scene
+
+FORMAT_VERSION = 1
+NAME_PATTERN = r"\w[\w .+-]*"
+"""Pattern of the names of scenes and room types, which become parts of file names."""
+
+MAX_COMPRESSION = 2000
+"""Greatest ratio of a dataset's size to that of its file; a larger one is damage."""
+
+_OTHER_SPELLINGS = {"livingroom": "living_room"}
+
+
+def save_scene(scene: Scene, path: str | os.PathLike) -> None:
+    """Write a scene as a THOR v1 file; the file appears only once it is complete.
+
+    Args:
+        scene: the scene; fields that are None are left out.
+        path: file to write, customarily ending in `.h5` or `.hdf5`.
+    """
+    with whole_file(Path(path)) as temporary, h5py.File(temporary, "w") as file:
+        file["location"] = scene.location
+        file["rotation"] = scene.rotation
+        file["graph"] = scene.graph
+        file["shortest_path_distance"] = scene.shortest_path_distance
+        if scene.observation is not None:
+            chunks = (1, *scene.observation.shape[1:])
+            file.create_dataset("observation", data=scene.observation, chunks=chunks, compression="lzf")
+        if scene.features is not None:
+            file["resnet_feature"] = scene.features[:, None, :]
+        if scene.visible_object is not None:
+            file["visible_object"] = scene.visible_object
+            file["visible_object"].attrs["categories"] = list(scene.categories)
+        file.attrs.update(
+            name=scene.name,
+            room_type=scene.room_type,
+            source=scene.source,
+            encoder=scene.encoder,
+            format_version=FORMAT_VERSION,
+        )
+
+
+def load_scene(path: str | os.PathLike, *, views: bool = True) -> Scene:
+    """Read a scene from a THOR v1 file.
+
+    Args:
+        path: file to read.
+        views: whether to read the views, by far the largest dataset. Only encoders and pictures need them.
+
+    Returns:
+        The scene, with features of crop 0 where the file holds any.
+
+    Raises:
+        InputError: the file is missing, not HDF5, or a dataset is absent or of an unusable shape or range; the
+            message names the file and the dataset.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(f"{path}: no such scene file; give an existing HDF5 file.")
+    try:
+        with h5py.File(path, "r") as file:
+            return _read(file, path, views=views)
+    except InputError:
+        raise
+    except Exception as error:  # a damaged file makes the HDF5 library raise nearly everything
+        cause = (str(error).splitlines() or [type(error).__name__])[0]
+        raise InputError(f"{path}: cannot be read as HDF5 ({cause}); write or copy the file again.") from error
+
+
+def room_type_from_name(name: str) -> str:
+    """Room type from a scene's name, for files without the attribute: `bathroom_02` is a `bathroom`.
+
+    Args:
+        name: the scene's name, a room type followed by a number.
+
+    Returns:
+        One of `ROOM_TYPES`, or the name without its number for other rooms.
+    """
+    stem = re.sub(r"[\s_-]*\d+$", "", name.lower())
+    stem = _OTHER_SPELLINGS.get(stem, stem)
+    return next((room_type for room_type in ROOM_TYPES if stem.startswith(room_type)), stem)
+
+
+def _read(file: h5py.File, path: Path, *, views: bool) -> Scene:
+    graph = _dataset(file, path, "graph", (None, len(ACTIONS)))
+    n_states = len(graph)
+    is_state = np.issubdtype(graph.dtype, np.integer) and graph.min() >= COLLISION and graph.max() < n_states
+    _require(bool(is_state), path, "graph", f"must hold -1 or a state number below {n_states}")
+    location = _numbers(file, path, "location", (n_states, 2))
+    stored = file.get("rotation")
+    column = isinstance(stored, h5py.Dataset) and len(stored.shape or ()) == 2
+    rotation = _numbers(file, path, "rotation", (n_states, 1) if column else (n_states,)).reshape(-1)
+    distance = _numbers(file, path, "shortest_path_distance", (n_states, n_states))
+    is_distance = distance.min() >= UNREACHABLE and distance.max() < 2**31 and (distance == np.round(distance)).all()
+    _require(bool(is_distance), path, "shortest_path_distance", "must hold whole numbers, -1 or more")
+    features = observation = visible = None
+    categories = ()
+    if "resnet_feature" in file:
+        crops = _numbers(file, path, "resnet_feature", (n_states, None, None))
+        features = np.ascontiguousarray(crops[:, 0], np.float32)
+    if "visible_object" in file:
+        visible = _numbers(file, path, "visible_object", (n_states, None)).astype(np.float32)
+        is_share = visible.min() >= 0 and visible.max() <= 1 + 1e-6
+        _require(bool(is_share), path, "visible_object", "must hold shares between 0 and 1")
+        categories = tuple(str(name) for name in np.ravel(file["visible_object"].attrs.get("categories", ())))
+        _require(
+            len(categories) == visible.shape[1],
+            path,
+            "visible_object",
+            "needs one name a column in `categories`",
+        )
+    if views:
+        observation = _dataset(file, path, "observation", (n_states, None, None, 3))
+        _require(observation.dtype == np.uint8, path, "observation", "must be uint8 RGB")
+    name = _text(file, path, "name", path.stem)
+    return Scene(
+        name=name,
+        room_type=_text(file, path, "room_type", room_type_from_name(name)),
+        location=location.astype(np.float64),
+        rotation=rotation.astype(np.float64),
+        graph=graph.astype(np.int32),
+        shortest_path_distance=distance.astype(np.int32),
+        observation=observation,
+        features=features,
+        visible_object=visible,
+        categories=categories,
+        source=str(file.attrs.get("source", "thor")),
+        encoder=str(file.attrs.get("encoder", "dump" if features is not None else "")),
+    )
+
+
+def _dataset(file: h5py.File, path: Path, name: str, shape: tuple[int | None, ...]) -> np.ndarray:
+    """Read a whole dataset after checking its shape; None in `shape` stands for any length but 0."""
+    stored = file.get(name)
+    if not isinstance(stored, h5py.Dataset):
+        raise InputError(f"{path}: dataset `{name}` is missing; write the scene again in the THOR v1 format.")
+    found = stored.shape or ()
+    fits = len(found) == len(shape) and all(n > 0 and m in (None, n) for n, m in zip(found, shape, strict=True))
+    expected = " x ".join("any" if length is None else str(length) for length in shape)
+    _require(fits, path, name, f"is of shape {' x '.join(map(str, found)) or 'none'} where {expected} is expected")
+    # A damaged length could ask for more memory than there is.
+    limit = MAX_COMPRESSION * path.stat().st_size
+    _require(stored.size * stored.dtype.itemsize <= limit, path, name, "claims to be larger than its file can hold")
+    return stored[()]
+
+
+def _numbers(file: h5py.File, path: Path, name: str, shape: tuple[int | None, ...]) -> np.ndarray:
+    """Read a dataset of finite real numbers."""
+    values = _dataset(file, path, name, shape)
+    _require(values.dtype.kind in "iuf", path, name, f"holds no real numbers but {values.dtype}")
+    limit = float(np.finfo(np.float32).max)
+    fits = np.isfinite(values).all() and np.abs(values, dtype=np.float64).max() <= limit
+    _require(bool(fits), path, name, "holds values that are not finite")
+    return values
+
+
+def _text(file: h5py.File, path: Path, attribute: str, default: str) -> str:
+    """Read an attribute that becomes part of file names."""
+    value = file.attrs.get(attribute, default)
+    if not isinstance(value, str) or not re.fullmatch(NAME_PATTERN, value):
+        raise InputError(
+            f"{path}: attribute `{attribute}` must be a name of letters, digits, '_', '-', '.' and blanks."
+        )
+    return value
+
+
+def _require(holds: bool, path: Path, dataset: str, fault: str) -> None:
+    if not holds:
+        raise InputError(f"{path}: dataset `{dataset}` {fault}; write the scene again.")

@@ -1,0 +1,125 @@
+"""Last stage: every trained agent on one task."""
+
+from collections.abc import Mapping
+from typing import Protocol, runtime_checkable
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float32, Int32
+
+from relm_irl_jax.agents.random_agent import RandomPolicy
+from relm_irl_jax.config import METHODS, Config, Method, Task
+from relm_irl_jax.evaluation import compute_metrics, evaluate
+from relm_irl_jax.parameters import load_parameters
+from relm_irl_jax.progress import progress_bar
+from relm_irl_jax.results import ResultRow, Results, save_results
+from relm_irl_jax.run_folder import RunFolder
+from relm_irl_jax.saved_maps import SHORTEST_PATH, StateMap, poses_of, save_map
+from relm_irl_jax.scenes.scene import first_of_each_type
+from relm_irl_jax.stages.encoding import EncodedScenes
+from relm_irl_jax.stages.make_agent import make_agent
+from relm_irl_jax.stages.rewards import load_predictor
+from relm_irl_jax.stages.worlds import EvaluationTask, evaluation_task, with_predicted_reward
+from relm_irl_jax.types import Policy
+from relm_irl_jax.world import scene_offsets
+
+
+@runtime_checkable
+class DistancePolicy(Policy, Protocol):
+    """A policy with a learned distance that can be shown as a map."""
+
+    def distance_to(self, target: Int32[Array, ""]) -> Float32[Array, "states"]:
+        """Learned distance of every state of the world to a target, in steps."""
+        ...
+
+
+def load_policy(config: Config, folder: RunFolder, method: Method, seed: int, task: EvaluationTask) -> Policy:
+    """The trained policy of a method and seed, for a task.
+
+    Args:
+        config: the configuration as run.
+        folder: the run folder.
+        method: the method that trained it.
+        seed: the seed that trained it.
+        task: scenes and targets.
+
+    Returns:
+        The policy.
+
+    Raises:
+        InputError: a file is missing or damaged, or the agent cannot act in these scenes.
+    """
+    if method == "random":
+        return RandomPolicy()
+    targets = task.targets
+    if config.siamese.observe_reward:
+        predictor = load_predictor(config, folder, method, seed, task.scenes)
+        targets = with_predicted_reward(targets, task.scenes, task.chosen, predictor)
+    return make_agent(config, method).policy(load_parameters(folder.agent(method, seed)), task.world, targets)
+
+
+def evaluate_task(config: Config, folder: RunFolder, training: EncodedScenes, task: Task) -> Results:
+    """Evaluate every trained agent of the run on a task, and keep the results and what the report shows of them.
+
+    Args:
+        config: the configuration.
+        folder: the run folder.
+        training: the training scenes.
+        task: `I`, `II` or `III`.
+
+    Returns:
+        The results, which are written.
+    """
+    tasks = [evaluation_task(config, training, task, seed) for seed in range(config.seeds)]
+    rows: list[ResultRow] = []
+    shown: dict[Method, Policy] = {}
+    jobs = [
+        (seed, method)
+        for seed in range(config.seeds)
+        for method in METHODS
+        if method in config.chosen_methods() or folder.agent(method, seed).exists()
+    ]
+    with progress_bar(f"evaluating task {task}", len(jobs), "agents") as advance:
+        for seed, method in jobs:
+            own = tasks[seed]
+            policy = load_policy(config, folder, method, seed, own)
+            if seed == 0:
+                shown[method] = policy
+            key = jax.random.fold_in(jax.random.key(seed), 1)
+            episodes = evaluate(key, policy, own.world, own.targets, config.tasks.cap, config.evaluation.episodes)
+            for number, scene in enumerate(own.scenes):
+                metrics = compute_metrics(episodes, number)
+                rows.append(
+                    ResultRow(
+                        method=method,
+                        agent="random" if method == "random" else config.agent,
+                        scene=scene.name,
+                        room_type=scene.room_type,
+                        seed=seed,
+                        episodes=metrics.episodes,
+                        sr=metrics.success_rate,
+                        ple=metrics.path_length_error,
+                        spl=metrics.spl,
+                    )
+                )
+            advance(1)
+    _save_distances(folder, tasks[0], {m: p for m, p in shown.items() if isinstance(p, DistancePolicy)})
+    results = Results(task, config.tasks.cap, training.encoder_name, tuple(rows))
+    save_results(folder, results)
+    return results
+
+
+def _save_distances(folder: RunFolder, task: EvaluationTask, policies: Mapping[Method, DistancePolicy]) -> None:
+    """Save true and learned distances to the first target in the first room of each type."""
+    offsets = scene_offsets(task.scenes)
+    for room_type, number in first_of_each_type(task.scenes).items() if policies else ():
+        scene, first = task.scenes[number], offsets[number]
+        row = next(row for row, target in enumerate(task.chosen) if target.scene == number)
+        target = task.chosen[row]
+        values = {SHORTEST_PATH: scene.shortest_path_distance[:, target.state].astype(float)}
+        for method, policy in policies.items():
+            learned = policy.distance_to(jnp.int32(row))[first : first + scene.n_states]
+            values[method] = np.asarray(learned, float)
+        state_map = StateMap(poses_of(scene), task.seed, target.state, target.category, values)
+        save_map(folder.distance_map(task.name, room_type), state_map)

@@ -1,0 +1,181 @@
+"""Second stage: rewards learned from demonstrations, kept in the run folder with how good they are."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from relm_irl_jax.config import Config, Method
+from relm_irl_jax.elm import load_elm, save_elm
+from relm_irl_jax.files import load_arrays, save_arrays, write_table
+from relm_irl_jax.results import RewardQualityRow, save_reward_quality
+from relm_irl_jax.rewards.basis import RewardBasis
+from relm_irl_jax.rewards.equation import linear_reward
+from relm_irl_jax.rewards.learned import LearnedRewards, learn_rewards
+from relm_irl_jax.rewards.predicted import RewardPredictor
+from relm_irl_jax.rewards.quality import RewardQuality, predicted_reward_quality, reward_quality
+from relm_irl_jax.run_folder import RunFolder
+from relm_irl_jax.saved_maps import StateMap, poses_of, save_map
+from relm_irl_jax.scenes.scene import Scene, first_of_each_type
+from relm_irl_jax.tasks import Target, TaskSplit
+
+LEARNED: tuple[Method, ...] = ("irl", "elm-irl", "relm-irl")
+"""Methods whose reward is learned from demonstrations."""
+
+PREDICTED: tuple[Method, ...] = ("elm-irl", "relm-irl")
+"""Methods whose reward a regressor predicts."""
+
+
+def learn(config: Config, scenes: Sequence[Scene], split: TaskSplit, seed: int) -> LearnedRewards:
+    """Learn the rewards of one seed.
+
+    Args:
+        config: the configuration.
+        scenes: encoded training scenes.
+        split: the targets of all tasks.
+        seed: the run's seed.
+
+    Returns:
+        The learned rewards.
+    """
+    return learn_rewards(scenes, split, config.irl, config.elm, seed)
+
+
+def save_rewards(
+    scenes: Sequence[Scene], split: TaskSplit, learned: LearnedRewards, seed: int, folder: RunFolder, *, maps: bool
+) -> None:
+    """Keep learned rewards in the run folder, how good they are, and maps of them for the first seed.
+
+    Args:
+        scenes: encoded training scenes.
+        split: the targets of all tasks.
+        learned: the learned rewards.
+        seed: the run's seed.
+        folder: the run folder.
+        maps: whether to save maps.
+    """
+    save_arrays(
+        folder.rewards(seed, "demonstrated.safetensors"),
+        {
+            "mean": learned.basis.mean,
+            "components": learned.basis.components,
+            "weights": np.stack([reward.solution.w for reward in learned.demonstrated]),
+            "scene": np.asarray([reward.target.scene for reward in learned.demonstrated]),
+            "target": np.asarray([reward.target.state for reward in learned.demonstrated]),
+            "trained": np.asarray([reward.trained for reward in learned.demonstrated]),
+        },
+    )
+    for method, regressor in learned.regressors.items():
+        save_elm(regressor, folder.rewards(seed, f"{method}.safetensors"))
+    regularised = learned.regressors["relm-irl"]
+    if regularised.press_curve_ is not None:
+        neurons = np.arange(1, len(regularised.press_curve_) + 1)
+        curve = {"neurons": neurons, "mean_squared_error": regularised.press_curve_}
+        write_table(folder.rewards(seed, "press.csv"), curve)
+    save_reward_quality(folder.rewards(seed, "quality.csv"), _quality(scenes, split, learned, seed))
+    if maps and seed == 0:
+        _save_maps(scenes, split, learned, folder)
+
+
+def predictor_of(learned: LearnedRewards, method: Method, scenes: Sequence[Scene]) -> RewardPredictor | None:
+    """The predictor of a method's rewards in the training scenes.
+
+    Args:
+        learned: the learned rewards.
+        method: the method.
+        scenes: encoded training scenes.
+
+    Returns:
+        The predictor; None for methods that predict no reward.
+    """
+    if method not in learned.regressors:
+        return None
+    return RewardPredictor(scenes, learned.phi, learned.regressors[method], learned.form)
+
+
+def load_predictor(
+    config: Config, folder: RunFolder, method: Method, seed: int, scenes: Sequence[Scene]
+) -> RewardPredictor | None:
+    """The predictor of a method's rewards in any scenes, from the run folder.
+
+    Args:
+        config: the configuration as run.
+        folder: the run folder.
+        method: the method.
+        seed: the run's seed.
+        scenes: encoded scenes.
+
+    Returns:
+        The predictor; None for methods that predict no reward.
+
+    Raises:
+        InputError: a file is missing or damaged.
+    """
+    if method not in PREDICTED:
+        return None
+    arrays = load_arrays(folder.rewards(seed, "demonstrated.safetensors"))
+    basis = RewardBasis(arrays["mean"], arrays["components"])
+    regressor = load_elm(folder.rewards(seed, f"{method}.safetensors"))
+    return RewardPredictor(scenes, [basis.phi(scene) for scene in scenes], regressor, config.irl.form())
+
+
+def _quality(scenes: Sequence[Scene], split: TaskSplit, learned: LearnedRewards, seed: int) -> list[RewardQualityRow]:
+    """Rank and order of every method's reward, on trained and on new targets."""
+    found: dict[tuple[str, str], list[RewardQuality]] = {
+        ("irl", "trained"): [
+            reward_quality(
+                scenes[reward.target.scene],
+                reward.target.state,
+                learned.phi[reward.target.scene],
+                reward.solution.w,
+                learned.form,
+            )
+            for reward in learned.demonstrated
+            if reward.trained
+        ]
+    }
+    groups = {"trained": split.training, "new": split.new, "uniform": split.uniform}
+    for method, regressor in learned.regressors.items():
+        predictor = RewardPredictor(scenes, learned.phi, regressor, learned.form)
+        for name, targets in groups.items():
+            generator = np.random.default_rng([seed, 3])
+            found[method, name] = predicted_reward_quality(scenes, targets, predictor, generator)
+    return [
+        RewardQualityRow(
+            method=method,
+            targets=name,  # pyrefly: ignore
+            median_rank=float(np.median([quality.rank for quality in own])),
+            median_rank_share=round(float(np.median([quality.rank / quality.states for quality in own])), 4),
+            mean_order=round(float(np.nanmean([quality.order for quality in own])), 4),
+        )
+        for (method, name), own in found.items()
+    ]
+
+
+def _save_maps(scenes: Sequence[Scene], split: TaskSplit, learned: LearnedRewards, folder: RunFolder) -> None:
+    """Save what every learned reward pays in one room of each type, for a trained and for a new target."""
+    demonstrated = {reward.target: reward.solution.w for reward in learned.demonstrated if reward.trained}
+    predictors = {method: predictor_of(learned, method, scenes) for method in PREDICTED}
+    for room_type, number in first_of_each_type(scenes).items():
+        for name, targets in (("trained", split.training), ("new", split.new)):
+            target = next(target for target in targets if target.scene == number)
+            start = int(scenes[number].shortest_path_distance[:, target.state].argmax())
+            weights = {"irl": demonstrated[target]} if target in demonstrated else {}
+            for method, predictor in predictors.items():
+                assert predictor is not None
+                weights[method] = predictor.weights(number, np.asarray([start]), np.asarray([target.state]))[0]
+            state_map = StateMap(
+                poses=poses_of(scenes[number]),
+                seed=0,
+                target=target.state,
+                category=target.category,
+                values={method: _paid(learned, target, w) for method, w in weights.items()},
+                start=start,
+                limits=(-float(learned.form.r_max), 0.0 if learned.form.relative else float(learned.form.r_max)),
+            )
+            save_map(folder.reward_map(name, room_type), state_map)
+
+
+def _paid(learned: LearnedRewards, target: Target, weights: np.ndarray) -> np.ndarray:
+    """Reward of every state of the target's scene, as agents are paid it."""
+    phi = learned.phi[target.scene]
+    return linear_reward(weights, phi, phi[target.state], np.arange(len(phi)) == target.state, learned.form)

@@ -1,0 +1,40 @@
+"""What the package says of itself."""
+
+import tomllib
+from importlib.resources import files
+from pathlib import Path
+
+from command import in_process
+
+import relm_irl_jax
+
+ROOT = Path(__file__).parents[1]
+PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
+
+
+def test_the_version_is_the_one_of_pyproject():
+    assert relm_irl_jax.__version__ == PYPROJECT["project"]["version"]
+
+
+def test_citation_and_changelog_name_the_version():
+    assert f"\nversion: {relm_irl_jax.__version__}\n" in (ROOT / "CITATION.cff").read_text()
+    assert f"\n## [{relm_irl_jax.__version__}] - " in (ROOT / "CHANGELOG.md").read_text()
+
+
+def test_the_command_prints_the_version(monkeypatch, tmp_path, capsys):
+    in_process(monkeypatch, tmp_path, "--version")
+    assert capsys.readouterr().out == f"relm-irl-jax {relm_irl_jax.__version__}\n"
+
+
+def test_the_package_is_marked_as_typed():
+    assert files(relm_irl_jax).joinpath("py.typed").is_file()
+
+
+def test_benchmarks_write_where_they_are_told(monkeypatch, tmp_path):
+    folders = []
+    monkeypatch.setattr("relm_irl_jax.benchmarks.irl.main", lambda *folder: folders.append(folder))
+    monkeypatch.setattr("relm_irl_jax.benchmarks.encoder.main", lambda *folder: folders.append(folder))
+    in_process(monkeypatch, tmp_path, "bench", "irl", "--out", "x")
+    in_process(monkeypatch, tmp_path, "bench", "irl")
+    in_process(monkeypatch, tmp_path, "bench", "encoder", "--out", "x")
+    assert folders == [(Path("x/irl"),), (Path("runs/bench/irl"),), ()]
