@@ -6,7 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter, NullFormatter, NullLocator
 
 
-def label_log_axes(axes: Axes, sizes: Sequence[float]) -> None:
+def label_log_axes(axes: Axes, sizes: Sequence[int]) -> None:
     """Label the x axis of a log-log plot with measured sizes, and its y axis with plain numbers.
 
     Args:

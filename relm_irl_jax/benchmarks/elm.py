@@ -237,7 +237,9 @@ def print_table(console: Console, rows: list[Measurement]) -> None:
     median = {(row.case, row.method): row.median for row in rows}
     peer = median.get(("hpelm", "hpelm LOO OP"))
     if peer is None:
-        console.print("hpelm is not installed; the comparison needs it: pip install 'relm-irl-jax[peers]'.")
+        console.print(
+            "hpelm is not installed; the comparison needs it: pip install 'relm-irl-jax[peers]'.", markup=False
+        )
     for norm, limit in LIMITS.items():
         method = f"relm-irl-jax, norm {norm}"
         if peer is not None:

@@ -204,7 +204,7 @@ def drop_settled_rows(state: ActiveSet, *, rows: int) -> ActiveSet:
     Returns:
         The smaller state.
     """
-    kept = jnp.argsort(~state.inactive, stable=True)[:rows]
+    kept = jnp.argsort(~state.inactive, stable=True)[:rows].astype(state.next_row.dtype)
     return replace(
         state,
         column=state.column[kept],

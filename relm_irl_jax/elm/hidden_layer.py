@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Float64, Int
 
-from relm_irl_jax.elm.matrices import float64
+from relm_irl_jax.elm.matrices import float64, padded_length
 
 Activation = Literal["tanh", "sigmoid", "relu", "rbf", "linear"]
 ACTIVATIONS: tuple[Activation, ...] = get_args(Activation)
@@ -75,8 +75,11 @@ class HiddenLayer:
 
     def __call__(self, X: Float64[np.ndarray, "samples inputs"]) -> Float64[np.ndarray, "samples neurons"]:
         """Outputs H of the neurons for inputs X (Equation 14)."""
+        samples = len(X)
+        X = np.pad(X, ((0, padded_length(samples) - samples), (0, 0)))
         with float64():
-            return np.asarray(_outputs(X, self.mean, self.scale, self.weights, self.bias, activation=self.activation))
+            H = _outputs(X, self.mean, self.scale, self.weights, self.bias, activation=self.activation)
+        return np.asarray(H)[:samples]
 
     def project(self, X: Float64[np.ndarray, "samples part"], first: int = 0) -> Projection:
         """Project consecutive inputs: all of them, or a part.

@@ -24,7 +24,6 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
-from relm_irl_jax.elm.matrices import padded_length
 from relm_irl_jax.errors import InputError
 
 MAX_INVERSE_TRACE = 1e9
@@ -57,7 +56,7 @@ def rows_by_group(groups: Any, samples: int) -> Int[np.ndarray, "groups largest"
         raise InputError("groups: all samples belong to one group; leaving it out leaves none to fit.")
     order = np.argsort(number, kind="stable")
     place = np.arange(samples) - np.repeat(np.cumsum(sizes) - sizes, sizes)
-    rows = np.full((padded_length(len(labels)), -(-sizes.max() // 4) * 4), -1)
+    rows = np.full((-(-len(labels) // 16) * 16, -(-sizes.max() // 4) * 4), -1)
     rows[number[order], place] = order
     return rows
 

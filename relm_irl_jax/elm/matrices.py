@@ -94,29 +94,41 @@ def standardise_columns(matrix: Float64[np.ndarray, "rows columns"]) -> Float64[
 
 
 def padded_length(length: int) -> int:
-    """Length that an axis is padded to, so that problems of similar shape share one compiled function.
+    """Number of rows or columns to pad to, so that problems of similar shape share one compiled function.
 
     Args:
-        length: length of the axis.
+        length: number of rows or columns.
 
     Returns:
-        0, 1, 16, 64, 128, 256, or the next multiple of 16.
+        64, 256, or the next multiple of 16.
     """
-    if length <= 1:
-        return length
-    for short in (16, 64, 128, 256):
+    for short in (64, 256):
         if length <= short:
             return short
     return -(-length // 16) * 16
 
 
-def pad_with_zeros(matrix: Float64[np.ndarray, "rows columns"]) -> Float64[np.ndarray, "more_rows more_columns"]:
-    """Append zero rows and columns up to `padded_length`; they change neither the order nor any error.
+def pad_columns(H: Float64[np.ndarray, "samples neurons"]) -> Float64[np.ndarray, "rows columns"]:
+    """Append zero rows and columns to regressors; they change neither the order of the others nor any error.
 
     Args:
-        matrix: any matrix.
+        H: regressors.
 
     Returns:
         The padded matrix.
     """
-    return np.pad(matrix, [(0, padded_length(length) - length) for length in matrix.shape])
+    return np.pad(H, [(0, padded_length(length) - length) for length in H.shape])
+
+
+def pad_outputs(T: Float64[np.ndarray, "samples outputs"]) -> Float64[np.ndarray, "rows more_outputs"]:
+    """Append zero rows and outputs to targets: rows as many as to regressors, outputs up to the next multiple of 16.
+
+    Args:
+        T: targets.
+
+    Returns:
+        The padded matrix; one output stays one.
+    """
+    samples, outputs = T.shape
+    more = 0 if outputs == 1 else -outputs % 16
+    return np.pad(T, ((0, padded_length(samples) - samples), (0, more)))

@@ -26,7 +26,7 @@ import scipy.linalg
 from jaxtyping import Float64, Int
 
 from relm_irl_jax.elm.active_set import ActiveSet, drop_settled_rows, enter_panel, init_active_set
-from relm_irl_jax.elm.matrices import check_regression, float64, pad_with_zeros, standardise_columns
+from relm_irl_jax.elm.matrices import check_regression, float64, pad_columns, pad_outputs, standardise_columns
 from relm_irl_jax.elm.orthogonalisation import rank_tolerance
 from relm_irl_jax.errors import InputError
 
@@ -97,7 +97,7 @@ def mrsr_path(H: Any, T: Any, norm: int = 1, *, progress: Callable[[int], None] 
     if norm == 2:
         T = _rotate_to_rank(T)
     with float64():
-        state = _enter_all(pad_with_zeros(X), pad_with_zeros(T), rank_tolerance(samples, columns), norm, progress)
+        state = _enter_all(pad_columns(X), pad_outputs(T), rank_tolerance(samples, columns), norm, progress)
         entered = int(state.entered)
         order = np.asarray(state.order)[:entered].astype(np.int64)
         return MRSRPath(

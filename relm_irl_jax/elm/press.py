@@ -34,7 +34,7 @@ from jaxtyping import Array, Bool, Float, Float64, Int
 
 from relm_irl_jax.elm.leave_group_out import leave_group_out_sums, rows_by_group
 from relm_irl_jax.elm.leave_one_out import leave_one_out_sums
-from relm_irl_jax.elm.matrices import centre_columns, check_regression, float64, pad_with_zeros
+from relm_irl_jax.elm.matrices import centre_columns, check_regression, float64, pad_columns, pad_outputs
 from relm_irl_jax.elm.orthogonalisation import orthonormal_prefix_basis, rank_tolerance
 from relm_irl_jax.errors import InputError
 
@@ -91,8 +91,8 @@ def press_path(H: Any, T: Any, ridge: float = 0.0, *, intercept: bool = False, g
     if intercept:
         H, T = centre_columns(H), centre_columns(T)
     with float64():
-        Q, independent = _row_basis(pad_with_zeros(H), float(ridge), rank_tolerance(*H.shape), penalised=ridge > 0)
-        errors = _prefix_errors(Q, pad_with_zeros(T), group_rows, len(H), intercept, ridge == 0)
+        Q, independent = _row_basis(pad_columns(H), float(ridge), rank_tolerance(*H.shape), penalised=ridge > 0)
+        errors = _prefix_errors(Q, pad_outputs(T), group_rows, len(H), intercept, ridge == 0)
     return _to_path(errors, np.asarray(independent)[: H.shape[1]], float(ridge), T.shape)
 
 
@@ -121,7 +121,7 @@ def press_path_of_basis(
     Q[:, : len(basis)] = basis.T
     with float64():
         T = centre_columns(T)
-        errors = _prefix_errors(pad_with_zeros(Q), pad_with_zeros(T), group_rows, len(T), True, True)
+        errors = _prefix_errors(pad_columns(Q), pad_outputs(T), group_rows, len(T), True, True)
     return _to_path(errors, np.arange(columns) < len(basis), 0.0, T.shape)
 
 

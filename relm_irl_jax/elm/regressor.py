@@ -9,7 +9,7 @@ of what PRESS leaves out; the standardisation of inputs and the random weights a
 from collections.abc import Callable
 from dataclasses import dataclass
 from numbers import Integral, Real
-from typing import Any, Literal
+from typing import Any, Literal, no_type_check
 
 import numpy as np
 from jaxtyping import Float64, Int
@@ -71,6 +71,7 @@ class ELMRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         diagnostics_: what the fit met and handled.
     """
 
+    @no_type_check  # scikit-learn's estimators check their parameters when they are fitted
     def __init__(
         self,
         n_hidden: int = 200,

@@ -61,7 +61,7 @@ def _sums_and_rank(
     UT = U.T @ T
     U_B, T_B = (jnp.pad(matrix, ((0, 1), (0, 0)))[group_rows] for matrix in (U, T))  # row -1 is zero
     present = group_rows >= 0
-    pairs = present[:, :, None] & present[:, None]
+    pairs = (present[:, :, None] & present[:, None]).astype(H.dtype)
     nonzero = rank_tolerance(*H.shape) * S.max() < S
 
     def sum_of_squares(penalty):

@@ -81,7 +81,7 @@ def _first_tie_1(A, E, c, inactive):
         return (
             bound.at[places].set(jnp.inf),
             jnp.where(better, s[first], best),
-            jnp.where(better, column[first], winner).astype(jnp.int32),
+            jnp.where(better, column[first].astype(winner.dtype), winner),
         )
 
     start = (bound, jnp.asarray(jnp.inf, A.dtype), jnp.zeros((), jnp.int32))

@@ -4,7 +4,7 @@ Arrays are tensors; everything else is JSON under the key `model` of the file's 
 """
 
 import json
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -87,10 +87,10 @@ def load_elm(path: str | Path) -> ELMRegressor:
     text = json.loads(metadata["model"])
     model = ELMRegressor(**text["parameters"])
     found = {**text["values"], **tensors}
+    errors = found["diagnostics_.ridge_errors"].items()  # JSON made strings of its keys
+    found["diagnostics_.ridge_errors"] = {float(penalty): error for penalty, error in errors}
     for name, kind in DATACLASSES.items():
         found[name] = kind(**{field.name: found.pop(f"{name}.{field.name}") for field in fields(kind)})
-    errors = found["diagnostics_"].ridge_errors.items()  # JSON made strings of its keys
-    found["diagnostics_"] = replace(found["diagnostics_"], ridge_errors={float(key): error for key, error in errors})
     if "feature_names_in_" in found:
         found["feature_names_in_"] = np.asarray(found["feature_names_in_"], object)
     vars(model).update(found)

@@ -1,7 +1,7 @@
 """A source of random problems.
 
-Most tests use 17 to 64 samples and columns, and 2 to 16 outputs: such problems are padded to one shape, so that every
-function is compiled once for all of them.
+Problems of up to 64 samples and columns, and 2 to 16 outputs, are padded to one shape: most functions are compiled once
+for all of them. What is not padded (singular value and QR decompositions) is tested on few shapes.
 """
 
 import numpy as np

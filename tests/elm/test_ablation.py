@@ -11,7 +11,8 @@ from relm_irl_jax.elm.ablation import (
     compare_regularisation,
 )
 
-NEURONS = 50
+NEURONS = 59
+"""As many as determine the training pairs exactly."""
 
 
 @pytest.fixture(scope="module")
@@ -29,8 +30,8 @@ def regularisation(pairs):
 
 
 def test_accuracy_rises_then_falls_where_the_samples_are_used_up(pairs):
-    curve = accuracy_by_size(*pairs, sizes=(1, 20, 59), random_state=0)
-    assert curve.sizes.tolist() == [1, 20, 59]
+    curve = accuracy_by_size(*pairs, sizes=(1, 20, NEURONS), random_state=0)
+    assert curve.sizes.tolist() == [1, 20, NEURONS]
     assert curve.test_r2[1] > curve.test_r2[0]
     assert curve.test_r2[1] > curve.test_r2[2]
     assert (np.diff(curve.train_r2) > 0).all()

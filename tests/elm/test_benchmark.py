@@ -10,7 +10,7 @@ def test_it_saves_its_table_and_figure(tmp_path, monkeypatch):
     size = Size(60, 20, 3)
     monkeypatch.setattr(elm, "PEER", size)
     monkeypatch.setattr(elm, "LARGEST", size)
-    monkeypatch.setattr(elm, "SCALING", {"L": [size, Size(60, 40, 3)], "N": [size], "p": [size]})
+    monkeypatch.setattr(elm, "SCALING", {"L": [size], "N": [size], "p": [size]})
     rows = elm.main(tmp_path, repeats=2)
     with (tmp_path / "elm.csv").open() as file:
         assert len(list(csv.DictReader(file))) == len(rows)

@@ -135,7 +135,7 @@ def test_dropping_rows_of_settled_columns_changes_nothing(rng, monkeypatch):
     assert_equal_correlations(H, T, dropped)
 
 
-@pytest.mark.parametrize(("norm", "p"), [(1, 16), (2, 2048)])
+@pytest.mark.parametrize(("norm", "p"), [(1, 16), (2, 500)])
 def test_many_outputs(norm, p, rng):
     H, T = rng.standard_normal((17, 20)), rng.standard_normal((17, p))
     path = mrsr_path(H, T, norm)
@@ -169,19 +169,20 @@ def test_constant_targets_order_nothing(norm, rng):
     assert path.order.tolist() == list(range(20))
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(
-    # Problems of the first three shapes are padded to one shape, the others to another.
-    case=st.sampled_from([(3, 9, 1), (9, 3, 1), (16, 16, 1), (17, 50, 1), (40, 17, 2), (40, 33, 2), (17, 50, 2)]),
-    rank=st.integers(1, 40),
+    samples=st.sampled_from([3, 17, 40]),
+    columns=st.sampled_from([1, 9, 33, 50]),
+    outputs=st.sampled_from([1, 4]),
+    rank=st.integers(1, 60),
+    norm=st.sampled_from(NORMS),
     seed=st.integers(0, 99),
 )
-def test_any_shape_and_rank(case, rank, seed):
+def test_any_shape_and_rank(samples, columns, outputs, rank, norm, seed):
     rng = np.random.default_rng(seed)
-    samples, columns, norm = case
     rank = min(rank, samples - 1, columns)
     H = rng.standard_normal((samples, rank)) @ rng.standard_normal((rank, columns))
-    T = rng.standard_normal((samples, 4))
+    T = rng.standard_normal((samples, outputs))
     path = mrsr_path(H, T, norm)
     assert sorted(path.order) == list(range(columns))
     assert path.entered == np.linalg.matrix_rank(standardise(H))

@@ -3,18 +3,20 @@
 import numpy as np
 import pytest
 from references import leave_out
+from sklearn.base import clone
 
 from relm_irl_jax.elm import ELMRegressor, press_path
 from relm_irl_jax.elm.ridge_press import press_of_penalties
 
-PENALTIES = [0.0, 0.01, 3.0]
+PENALTIES = [0.0, *np.logspace(-3, 1, 10)]
+GROUPS = np.repeat(np.arange(10), 4)
 
 
 @pytest.mark.parametrize("grouped", [False, True])
 @pytest.mark.parametrize("columns", [12, 60])
 def test_errors_equal_refits(columns, grouped, rng):
     H, T = np.tanh(rng.standard_normal((40, columns))) + 0.3, rng.standard_normal((40, 2)) + 2
-    groups = rng.integers(0, 12, 40) if grouped else None
+    groups = rng.permutation(GROUPS) if grouped else None
     found = press_of_penalties(H, T, PENALTIES, groups)
     refitted = [np.mean(leave_out(H, T, penalty, True, groups) ** 2) for penalty in PENALTIES]
     if columns == 60:
@@ -32,18 +34,15 @@ def test_dependent_columns_change_nothing(rng):
 
 def test_a_penalty_is_chosen_for_groups_that_were_never_seen(rng):
     """Copies of a sample tell its noise: leaving out one at a time asks for less penalty than new samples need."""
-    X = rng.standard_normal((40, 5))
-    y = X[:, 0] + rng.standard_normal(40)
-    X, y, groups = (
-        np.repeat(X, 5, axis=0) + 0.05 * rng.standard_normal((200, 5)),
-        np.repeat(y, 5),
-        np.repeat(np.arange(40), 5),
-    )
-    form = {"ordering": "none", "selection": "none", "ridge": "press", "random_state": 0}
-    alone, together = ELMRegressor(80, **form).fit(X, y), ELMRegressor(80, **form).fit(X, y, groups)
+    X = rng.standard_normal((10, 2))
+    T = X + rng.standard_normal((10, 2))
+    X = np.repeat(X, 4, axis=0) + 0.05 * rng.standard_normal((40, 2))
+    T = np.repeat(T, 4, axis=0)
+    model = ELMRegressor(60, ordering="none", selection="none", ridge="press", random_state=0)
+    alone, together = clone(model).fit(X, T), clone(model).fit(X, T, GROUPS)
     assert together.ridge_ > alone.ridge_
-    new = rng.standard_normal((2000, 5))
-    error = [np.mean((model.predict(new) - new[:, 0]) ** 2) for model in (alone, together)]
+    new = rng.standard_normal((60, 2))
+    error = [np.mean((fitted.predict(new) - new) ** 2) for fitted in (alone, together)]
     assert error[1] < 0.5 * error[0]
     assert together.press_curve_ is None
     assert together.diagnostics_.ridge_errors[together.ridge_] == min(together.diagnostics_.ridge_errors.values())
