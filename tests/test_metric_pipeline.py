@@ -19,7 +19,7 @@ def test_the_metric_agent_runs_through_the_same_chain(tmp_path):
     assert float(read_table(run / "curves" / "irl-seed-0.csv")["states_visited"][-1]) > 0.9
     for room_type in ("bathroom", "bedroom", "living_room"):
         assert (run / "figures" / f"distance-II-{room_type}.png").stat().st_size > 0
-        assert "relm-irl" in read_table(run / "figures" / f"distance-II-{room_type}.csv")
+        assert "RELM-IRL" in read_table(run / "figures" / f"distance-II-{room_type}.csv")
     assert "metric agent" in (run / "report.md").read_text()
     code, _, err = relm_irl(tmp_path, "play", "metric", "--method", "irl")
     assert code == 0, err

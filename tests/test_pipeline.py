@@ -136,7 +136,7 @@ def test_the_command_starts_as_a_process_of_its_own(tmp_path):
     [
         (("train", "--task", "IV"), "invalid choice 'IV'"),
         (("train", "--methods", "magic"), "invalid choice 'magic'"),
-        (("train", "--frames", "0"), "frames = 0 is refused"),
+        (("train", "--frames", "0"), "frames = '0' is refused"),
         (("train", "--scenes", "nowhere"), "nowhere is no folder"),
         (("train", "--scenes", "empty"), "holds no file ending in .h5"),
         (("train", "--scenes", "malformed"), "scene.h5: cannot be read as HDF5"),

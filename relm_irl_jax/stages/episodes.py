@@ -119,7 +119,7 @@ def save_shown_episodes(config: Config, folder: RunFolder, training: EncodedScen
         if scene.room_type in shown:
             continue
         shown[scene.room_type] = SavedEpisode(
-            poses_of(scene),
+            poses=poses_of(scene),
             method=choice.method,
             seed=choice.seed,
             target=path.target,

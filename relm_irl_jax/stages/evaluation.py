@@ -121,5 +121,7 @@ def _save_distances(folder: RunFolder, task: EvaluationTask, policies: Mapping[M
         for method, policy in policies.items():
             learned = policy.distance_to(jnp.int32(row))[first : first + scene.n_states]
             values[method] = np.asarray(learned, float)
-        state_map = StateMap(poses_of(scene), task.seed, target.state, target.category, values)
+        state_map = StateMap(
+            poses=poses_of(scene), seed=task.seed, target=target.state, category=target.category, values=values
+        )
         save_map(folder.distance_map(task.name, room_type), state_map)

@@ -46,11 +46,11 @@ def solved():
     world = build_world(scenes)
     reward = ManualReward(jnp.float32(1.0), jnp.float32(-0.5), jnp.float32(-0.1))
     settings = SiameseSettings(
-        width=64, workers=192, t_max=8, discount=0.8, entropy_weight=0.01, value_weight=1.0, initialisation="uniform"
+        width=64, workers=192, t_max=8, discount=0.8, entropy_weight=0.05, value_weight=1.0, learning_rate=3e-3
     )
     tables = build_targets(scenes, targets)
     agent = SiameseAgent(settings)
-    parameters, _ = agent.train(jax.random.key(0), TrainingProblem(world, tables, reward, 40, 900_000), TrainingLog())
+    parameters, _ = agent.train(jax.random.key(0), TrainingProblem(world, tables, reward, 40, 1_200_000), TrainingLog())
     policy = agent.policy(parameters, world, tables)
     rows = []
     for row, (scene, first) in enumerate(zip(scenes, (0, 2, 5), strict=True)):
