@@ -178,9 +178,9 @@ def _irl_methods(out: Path, rows: Sequence[AblationRow]) -> list[str]:
     text = [
         "## Rewards of other methods of inverse reinforcement learning",
         "",
-        "IRL, the rewards of the demonstrated targets alone, with the maximum-margin program as base. Changes are paired "
-        "with it on the same seeds and demonstrations, ± half of the 95% interval (Student's t); bold where it excludes "
-        "zero.",
+        "IRL, the rewards of the demonstrated targets alone; the base is the maximum-margin program. Changes are paired "
+        "with it on the same seeds and demonstrations, ± half of the 95% interval (Student's t); bold where it "
+        "excludes zero.",
         "",
     ]
     for agent in dict.fromkeys(row.agent for row in rows):
