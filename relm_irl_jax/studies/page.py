@@ -178,8 +178,8 @@ def _irl_methods(out: Path, rows: Sequence[AblationRow]) -> list[str]:
     text = [
         "## Rewards of other methods of inverse reinforcement learning",
         "",
-        "IRL, the rewards of the demonstrated targets alone; the base is the maximum-margin program. Changes are paired "
-        "with it on the same seeds and demonstrations, ± half of the 95% interval (Student's t); bold where it "
+        "IRL, the rewards of the demonstrated targets alone; the base is the maximum-margin program. Changes are "
+        "paired with it on the same seeds and demonstrations, ± half of the 95% interval (Student's t); bold where it "
         "excludes zero.",
         "",
     ]
