@@ -56,7 +56,7 @@ def fit_basis(scenes: Sequence[Scene], dimension: int) -> RewardBasis:
         InputError: more components are asked for than the views span.
     """
     features = np.concatenate([np.asarray(scene.encoded, np.float64) for scene in scenes])
-    pca = PCA(svd_solver="covariance_eigh").fit(features)
+    pca = PCA(svd_solver="covariance_eigh").fit(features)  # pyrefly: ignore  its types lack this solver
     variance = pca.explained_variance_
     spanned = int((variance > variance[0] * 1e-12).sum())
     if dimension > spanned:
