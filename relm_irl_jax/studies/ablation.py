@@ -15,7 +15,7 @@ from relm_irl_jax.report.comparison import OURS, markdown_difference
 from relm_irl_jax.report.intervals import MeanInterval, mean_interval, paired_difference
 from relm_irl_jax.report.names import metric_name
 from relm_irl_jax.report.tables import MEAN, by_seed
-from relm_irl_jax.results import TASKS, load_all_results, load_reward_quality
+from relm_irl_jax.results import TASKS, Task, load_all_results, load_reward_quality
 from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.studies.study import complete_run, complete_runs, is_finished
 
@@ -54,12 +54,14 @@ class Ablation:
         variants: changes by name.
         agents: further fields of the base for each agent, such as its frames.
         method: the method that is measured.
+        tasks: the tasks that are evaluated.
     """
 
     base: dict[str, Any]
     variants: dict[str, Variant]
     agents: dict[AgentName, dict[str, Any]] = field(default_factory=dict)
     method: Method = "relm-irl"
+    tasks: tuple[Task, ...] = TASKS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,7 +149,7 @@ def run_ablation(ablation: Ablation, names: Sequence[str], changes: Mapping[str,
     variants = [(name, agent) for name in names for agent in ablation.variants[name].agents]
     bases = [(BASE, agent) for agent in dict.fromkeys(agent for _, agent in variants)]
     runs = [variant_config(ablation, name, agent, changes, folder) for name, agent in (*bases, *variants)]
-    complete_runs(runs, partial(complete_run, maps=False))
+    complete_runs(runs, partial(complete_run, tasks=ablation.tasks, maps=False))
 
 
 def ablation_rows(ablation: Ablation, changes: Mapping[str, Any], folder: Path) -> list[AblationRow]:
@@ -166,11 +168,13 @@ def ablation_rows(ablation: Ablation, changes: Mapping[str, Any], folder: Path) 
         base: BySeed = {}
         for name in (BASE, *ablation.variants):
             config = variant_config(ablation, name, agent, changes, folder)
-            if not is_finished(config) or (name != BASE and not base):
+            if not is_finished(config, ablation.tasks) or (name != BASE and not base):
                 continue
             run = RunFolder(folder / f"{agent}-{name}")
             results = load_all_results(run)
-            own: BySeed = {(t, m): by_seed(results[t].rows, ablation.method, m, MEAN) for t in TASKS for m in METRICS}
+            own: BySeed = {
+                (t, m): by_seed(results[t].rows, ablation.method, m, MEAN) for t in ablation.tasks for m in METRICS
+            }
             if name == BASE:
                 base = own
             title = "base" if name == BASE else ablation.variants[name].title
@@ -241,11 +245,12 @@ def ablation_table(rows: Sequence[AblationRow], metric: str) -> str:
     Returns:
         A Markdown table.
     """
-    head = "| | rank | " + " | ".join(f"Task {task}: {metric_name(metric)} | change" for task in TASKS) + " |"
-    lines = [head, "|---|---:|" + "---:|---:|" * len(TASKS)]
+    tasks = [task for task in TASKS if (task, metric) in rows[0].value]
+    head = "| | rank | " + " | ".join(f"Task {task}: {metric_name(metric)} | change" for task in tasks) + " |"
+    lines = [head, "|---|---:|" + "---:|---:|" * len(tasks)]
     for row in rows:
         texts = [row.title, f"{row.rank:.1f}"]
-        for task in TASKS:
+        for task in tasks:
             change = row.change.get((task, metric))
             texts += [str(row.value[task, metric]), "" if change is None else markdown_difference(change)]
         lines.append("| " + " | ".join(texts) + " |")

@@ -22,7 +22,7 @@ from relm_irl_jax.elm import ELMRegressor
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.pipeline import run
 from relm_irl_jax.progress import console
-from relm_irl_jax.results import TASKS, load_all_results
+from relm_irl_jax.results import TASKS, Task, load_all_results
 from relm_irl_jax.rewards.learned import LearnedRewards, fit_regressors, learn_demonstrated
 from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.scenes.scene import Scene
@@ -68,18 +68,18 @@ def complete_runs(runs: Sequence[Run], complete: Callable[[Run], object]) -> Non
     Parallel()(delayed(complete)(run) for run in runs)
 
 
-def complete_run(config: Config, *, maps: bool = True) -> None:
+def complete_run(config: Config, *, tasks: Sequence[Task] = TASKS, maps: bool = True) -> None:
     """Train and evaluate on all tasks what the run folder does not hold yet, and write its report.
 
     Args:
         config: the configuration; `run` names the folder.
         maps: whether to save maps of episodes and rewards.
     """
-    if is_finished(config):
+    if is_finished(config, tasks):
         console.print(f"{config.run}: is finished", highlight=False)
         return
     console.print(f"{config.run}", highlight=False)
-    run(config, TASKS, _encoded(_only(config, SCENE_FIELDS)), learn_shared, maps=maps)
+    run(config, tasks, _encoded(_only(config, SCENE_FIELDS)), learn_shared, maps=maps)
 
 
 def learn_shared(config: Config, scenes: Sequence[Scene], split: TaskSplit, seed: int) -> LearnedRewards:
@@ -106,7 +106,7 @@ def forget_shared() -> None:
         cached.cache_clear()
 
 
-def is_finished(config: Config) -> bool:
+def is_finished(config: Config, tasks: Sequence[Task] = TASKS) -> bool:
     """Whether a run folder holds all results of a configuration, in the settings that it asks for.
 
     Args:
@@ -129,7 +129,7 @@ def is_finished(config: Config) -> bool:
     asked = {(method, seed) for method in config.chosen_methods() for seed in range(config.seeds)}
     episodes = config.evaluation.episodes
     measured = [{(row.method, row.seed) for row in r.rows if row.episodes == episodes} for r in results.values()]
-    return set(results) == set(TASKS) and all(asked <= found for found in measured)
+    return set(results) >= set(tasks) and all(asked <= found for found in measured)
 
 
 def _compared(config: Config) -> dict:
