@@ -109,17 +109,15 @@ def operations(inputs: UpdateInputs, network: SiameseActorCritic, frames: int) -
 
     Returns:
         Their number. A product costs as much again for the gradient with respect to its weights and to its input;
-        features have no gradient. Frames that are evaluated one by one are evaluated once more for the gradient. The
-        values after the rollout are left out.
+        features have no gradient. The layers after the shared one are evaluated once more for the gradient, but for
+        pairs. The values after the rollout are left out.
     """
     states, features = inputs.task.world.features.shape
     width, targets = network.width, len(inputs.task.targets.state)
-    tables = network.history == 1 and states <= frames
-    again = 0 if tables or states <= frames else 1
-    encoded = min(states, frames)
-    fused = encoded if tables else frames
-    shared = 2 * ((2 + again) * encoded + 2 * (0 if tables else targets)) * network.history * features * width
-    fusion = 2 * ((3 if tables else 4) * fused + 3 * targets) * width * width
+    encoded = min(states, frames)  # tables over all states, or every frame by itself
+    tabulated = network.history == 1 and states <= frames
+    shared = 2 * 2 * (encoded + (0 if tabulated else targets)) * network.history * features * width
+    fusion = 2 * (3 * encoded if tabulated else 4 * frames) * width * width + 2 * 3 * targets * width * width
     evaluated = 4 * frames if inputs.pairs is None else 3 * inputs.pairs.count
     heads = 2 * evaluated * width * (width + 5)
     return float(shared + fusion + heads)
@@ -161,7 +159,7 @@ def rates(settings: SiameseSettings, repeats: int) -> list[Rate]:
 
         def act(key, memory, observation, target):
             memory, views = observe_views(memory, observation)
-            return memory, sample_action(key, forward(views, target).logits), None
+            return memory, sample_action(key, forward(views, target).outputs.logits), None
 
         memory = initial_memory(shape, network.history)
         workers, experience, sums = rollout(key, act, state.workers, task, memory, length)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float64
+from sklearn.decomposition import PCA
 
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.scenes.scene import Scene
@@ -55,11 +56,12 @@ def fit_basis(scenes: Sequence[Scene], dimension: int) -> RewardBasis:
         InputError: more components are asked for than the views span.
     """
     features = np.concatenate([np.asarray(scene.encoded, np.float64) for scene in scenes])
-    mean = features.mean(0)
-    variance, directions = np.linalg.eigh((features - mean).T @ (features - mean) / len(features))
-    spanned = int((variance > variance[-1] * 1e-12).sum())
+    pca = PCA(svd_solver="covariance_eigh").fit(features)  # pyrefly: ignore  its types lack this solver
+    variance = pca.explained_variance_
+    spanned = int((variance > variance[0] * 1e-12).sum())
     if dimension > spanned:
         raise InputError(f"irl.dimension: {dimension} asked for, the training views span {spanned}; ask for fewer.")
-    kept = slice(-1, -(dimension or spanned) - 1, -1)
-    scale = np.sqrt((dimension or spanned) / variance[kept].sum())
-    return RewardBasis(mean, directions[:, kept] * scale)
+    kept = dimension or spanned
+    # The mean of ‖φ‖² over all views divides by their number, PCA's variance by one less.
+    scale = np.sqrt(kept / (variance[:kept].sum() * (len(features) - 1) / len(features)))
+    return RewardBasis(pca.mean_, pca.components_[:kept].T * scale)

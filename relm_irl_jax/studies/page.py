@@ -33,12 +33,13 @@ RUN_TITLES = {
 """Runs of a study on all tasks, by the names of their folders."""
 
 
-def write_study(out: Path, ablation: Sequence[AblationRow]) -> Path:
+def write_study(out: Path, ablation: Sequence[AblationRow], irl_methods: Sequence[AblationRow] = ()) -> Path:
     """Write `report.html` and `report.md` of a study from the runs that its folder holds.
 
     Args:
         out: folder of the study.
         ablation: rows of the ablation.
+        irl_methods: rows of the methods of inverse reinforcement learning.
 
     Returns:
         The Markdown file.
@@ -55,7 +56,8 @@ def write_study(out: Path, ablation: Sequence[AblationRow]) -> Path:
     for name, folder in runs.items():
         sections = partial(run_sections, worded=False)
         text += [f"## {RUN_TITLES[name]}", "", *_readable(sections, folder, out, "###")]
-    text += [*_readable(_regressor, out), *_ablation(out, ablation), *_readable(_stability, out)]
+    text += [*_readable(_regressor, out), *_ablation(out, ablation), *_irl_methods(out, irl_methods)]
+    text += _readable(_stability, out)
     text += ["Rewards that runs share are learned once; their seconds are counted in the run that learned them.", ""]
     for name, folder in runs.items():
         text += [f"## Circumstances: {RUN_TITLES[name]}", "", *_readable(circumstances, folder, "###")]
@@ -159,6 +161,26 @@ def _ablation(out: Path, rows: Sequence[AblationRow]) -> list[str]:
         "with the base on the same seeds, ± half of the 95% interval (Student's t), each on its own; bold where it "
         "excludes zero, which one in twenty does by chance. Rank: where the reward predicted from the views of start "
         "and target places a new target among the states of its scene, in the median over targets; 1 is best.",
+        "",
+    ]
+    for agent in dict.fromkeys(row.agent for row in rows):
+        own = [row for row in rows if row.agent == agent]
+        text += [f"### {RUN_TITLES[agent]}", "", f"{own[0].frames:,} training frames, {own[0].seeds} seeds.", ""]
+        text += [ablation_table(own, "sr"), "", ablation_table(own, "spl"), ""]
+    return text
+
+
+def _irl_methods(out: Path, rows: Sequence[AblationRow]) -> list[str]:
+    """What agents achieve on the rewards of other methods of inverse reinforcement learning."""
+    if not rows:
+        return []
+    write_table(out / "tables" / "irl-methods.csv", ablation_columns(rows))
+    text = [
+        "## Rewards of other methods of inverse reinforcement learning",
+        "",
+        "IRL, the rewards of the demonstrated targets alone; the base is the maximum-margin program. Changes are "
+        "paired with it on the same seeds and demonstrations, ± half of the 95% interval (Student's t); bold where it "
+        "excludes zero.",
         "",
     ]
     for agent in dict.fromkeys(row.agent for row in rows):

@@ -1,7 +1,8 @@
 """The network's forward pass for acting and its backward pass for learning, for frames or for all pairs.
 
 Both ways compute the same function. *Frames*: each frame is evaluated when a worker reaches it, from tables of what
-depends on single views; learning evaluates all frames of the update once more, in one batch, to differentiate them.
+depends on single views. Learning keeps the part that depends on the views, which is the expensive one, and evaluates
+the layers that follow it once more, all frames in one batch, to differentiate them.
 *Pairs*: an update of many workers visits most pairs of a training target and a state of its scene, many of them more
 than once. Where there are no more pairs than frames, all pairs are evaluated before the first step in a few large
 products; acting looks up four logits, and the gradient with respect to logits and values is summed over the frames of
@@ -9,11 +10,12 @@ each pair before it passes through the network. The cost of an update is then in
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import cast
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Int32
+from jaxtyping import Array, Float32, Int32
 
 from relm_irl_jax.agents.siamese.network import Outputs, SiameseActorCritic, Tables
 from relm_irl_jax.agents.siamese.state_target_pairs import StateTargetPairs
@@ -23,12 +25,31 @@ from relm_irl_jax.world import Targets, World
 Views = Int32[Array, "groups batch history"]
 Target = Int32[Array, "groups batch"]
 
-Forward = Callable[[Views, Target], Outputs]
-"""Maps last states and targets of all workers to policy and value."""
 
-Backward = Callable[[Int32[Array, "time groups batch history"], Int32[Array, "time groups batch"], Outputs], Parameters]
-"""Maps views and targets of all steps, and the gradient of a loss with respect to their outputs, to the gradient with
-respect to the parameters."""
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Evaluation:
+    """Evaluated frames.
+
+    Attributes:
+        outputs: policy and value.
+        views: states whose views were observed, the latest first.
+        target: rows of the targets.
+        state_part: what depends on the views alone, see `SiameseActorCritic.state_part`; None for pairs.
+    """
+
+    outputs: Outputs
+    views: Int32[Array, "*time groups batch history"]
+    target: Int32[Array, "*time groups batch"]
+    state_part: Float32[Array, "*time groups batch width"] | None
+
+
+Forward = Callable[[Views, Target], Evaluation]
+"""Evaluates last states and targets of all workers."""
+
+Backward = Callable[[Evaluation, Outputs], Parameters]
+"""Maps all evaluated steps, and the gradient of a loss with respect to their outputs, to the gradient with respect to
+the parameters."""
 
 
 def tabulate(
@@ -126,14 +147,26 @@ def through_frames(
     heads = jnp.arange(network.n_heads)
     tables, tables_vjp = jax.vjp(lambda theta: tabulate(network, theta, world, targets, frames), parameters)
 
-    def forward(views: Views, target: Target) -> Outputs:
-        return evaluate(network, parameters, tables, views, target, heads)
+    def state_part(theta: Parameters, tables: Tables, views: Array) -> Array:
+        return cast(Array, network.apply(theta, tables, views, method="state_part"))
 
-    def backward(views: Array, target: Array, grad_outputs: Outputs) -> Parameters:
-        views, target, grad_outputs = jax.tree.map(_merge_time, (views, target, grad_outputs))
-        _, vjp = jax.vjp(lambda theta, t: evaluate(network, theta, t, views, target, heads), parameters, tables)
-        grad_parameters, grad_tables = vjp(grad_outputs)
-        return jax.tree.map(jnp.add, grad_parameters, tables_vjp(grad_tables)[0])
+    def combine(theta: Parameters, tables: Tables, part: Array, views: Array, target: Array) -> Outputs:
+        return cast(Outputs, network.apply(theta, tables, part, views, target, heads, method="combine"))
+
+    def forward(views: Views, target: Target) -> Evaluation:
+        part = state_part(parameters, tables, views)
+        return Evaluation(combine(parameters, tables, part, views, target), views, target, part)
+
+    def backward(steps: Evaluation, grad_outputs: Outputs) -> Parameters:
+        views, target, part = (_merge_time(x) for x in (steps.views, steps.target, steps.state_part))
+        grad_outputs = Outputs(_merge_time(grad_outputs.logits), _merge_time(grad_outputs.value))
+        _, vjp = jax.vjp(lambda theta, t, p: combine(theta, t, p, views, target), parameters, tables, part)
+        grad_combined, grad_tables, grad_part = vjp(grad_outputs)
+        # The part is linear: the products that jax.vjp evaluates here have no reader, and the compiler drops them.
+        _, vjp = jax.vjp(lambda theta, t: state_part(theta, t, views), parameters, tables)
+        grad_views, more_grad_tables = vjp(grad_part)
+        grad_tabulated = tables_vjp(jax.tree.map(jnp.add, grad_tables, more_grad_tables))[0]
+        return jax.tree.map(lambda *parts: sum(parts), grad_combined, grad_views, grad_tabulated)
 
     return forward, backward
 
@@ -155,19 +188,20 @@ def through_pairs(
     """
     outputs, vjp = jax.vjp(lambda theta: evaluate_pairs(network, theta, world, targets, pairs), parameters)
 
-    def forward(views: Views, target: Target) -> Outputs:
+    def forward(views: Views, target: Target) -> Evaluation:
         index = pairs.index(world, views[..., 0], target)
-        return Outputs(outputs.logits[index], outputs.value[index])
+        return Evaluation(Outputs(outputs.logits[index], outputs.value[index]), views, target, None)
 
-    def backward(views: Array, target: Array, grad_outputs: Outputs) -> Parameters:
-        index = pairs.index(world, views[..., 0], target)
+    def backward(steps: Evaluation, grad_outputs: Outputs) -> Parameters:
+        index = pairs.index(world, steps.views[..., 0], steps.target)
         grad_pairs = jax.tree.map(lambda out, grad: jnp.zeros_like(out).at[index].add(grad), outputs, grad_outputs)
         return vjp(grad_pairs)[0]
 
     return forward, backward
 
 
-def _merge_time(x: Array) -> Array:
+def _merge_time(x: Array | None) -> Array:
     """Merge time into the batch, [time groups batch …] → [groups time·batch …]: each group is one large product."""
+    assert x is not None
     time, groups, batch, *rest = x.shape
     return jnp.moveaxis(x, 0, 1).reshape(groups, time * batch, *rest)
