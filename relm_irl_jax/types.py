@@ -1,10 +1,10 @@
 """The interfaces between the parts: what is to be learned, what learns it, and what acts.
 
-    TrainingProblem ── Agent.train ──> parameters ── Agent.policy ──> Policy ── evaluation, play, Gymnasium
+    TrainingProblem ── Agent.train ──> parameters ── Agent.policy ──> Policy ── evaluation, play, report
 
 An `Agent` is a value that turns a `TrainingProblem` into network parameters, and parameters into a `Policy`. Whatever
 evaluates or shows behaviour knows `Policy` alone. A new agent implements these two protocols in a folder of
-`relm_irl_jax.agents`; nothing else changes.
+`relm_irl_jax.agents`; beside it, its name and settings go into `config.py`, and `stages/make_agent.py` makes it.
 
 Batches have two axes, `scenes batch`: row i of every array acts in scene i of the world.
 """
