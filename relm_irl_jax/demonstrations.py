@@ -153,7 +153,7 @@ def expert_from_demonstrations(
     demonstrated: dict[int, int] = {}
     for trajectory in trajectories:
         # The dict keeps each state's last action; earlier demonstrations take precedence.
-        own = dict(zip(trajectory.states[:-1].tolist(), trajectory.actions.tolist(), strict=True))
-        demonstrated = own | demonstrated
+        action_of_state = dict(zip(trajectory.states[:-1].tolist(), trajectory.actions.tolist(), strict=True))
+        demonstrated = action_of_state | demonstrated
     action[list(demonstrated)] = list(demonstrated.values())
     return expert_from_policy(scene, target, action)

@@ -87,14 +87,9 @@ class MetricSettings:
     states: PositiveInt = 64
     """States of each scene that an update draws."""
     goals: PositiveInt = 128
-    """Goals of each scene that an update draws; all pairs of both are learned from."""
-    target_share: Annotated[float, Field(ge=0, le=1)] = 0.25
-    """Share of them drawn from the training targets alone, the others from all goals (SPL on trained targets .93
-    without, 1.00 with a quarter; on new ones .90 and .89)."""
+    """Goals of each scene that an update draws. The loss covers all pairs of the drawn states and goals."""
     learning_rate: PositiveFloat = 1e-3
     """Adam's largest step size; it falls to a fiftieth along a cosine."""
-    gradient_clip: PositiveFloat = 10.0
-    """Largest global norm of a gradient."""
     policy_weight: NonNegativeFloat = 5.0
     """Weight of the policy's agreement with the best actions, beside the error in distances. Distances place a view
     that is never a goal, the policy loss sharpens paths (SPL on new targets .79, .81 and .78 with 1, 5 and 10)."""
