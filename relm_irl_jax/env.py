@@ -7,8 +7,8 @@ The Markov decision process of one worker:
 - *Observation*: the view of the current state, and whether the last action was a collision.
 - *Actions*: the four of `relm_irl_jax.scenes.scene.ACTIONS`; an action that collides leaves the state unchanged.
 - *Episode*: the target is drawn uniformly; the start is drawn uniformly from the other states that can reach it. The
-  episode is *terminated* when the state is the target, and *truncated* after `cap` steps; if both happen in one step, it
-  is terminated.
+  episode is *terminated* when the state is the target, and *truncated* after `cap` steps; if both happen in one step,
+  it is terminated.
 - *Reward*: not part of the environment; see `relm_irl_jax.rewards`.
 
 `reset` works on one worker (`reset_all` is its vmapped form); `step` also takes episodes with leading batch axes. All
@@ -100,17 +100,15 @@ def scene_target_ranges(targets: Targets, n_scenes: int, episodes: int) -> Targe
     numbers = np.arange(n_scenes)
     scene = np.asarray(targets.scene)
     first, count = np.searchsorted(scene, numbers), np.bincount(scene, minlength=n_scenes)
-    return TargetRange(
-        *(jnp.asarray(np.repeat(values[:, None], episodes, 1), jnp.int32) for values in (first, count))
-    )
+    return TargetRange(*(jnp.asarray(np.repeat(values[:, None], episodes, 1), jnp.int32) for values in (first, count)))
 
 
 def reset(key: PRNGKeyArray, targets: Targets, target_range: TargetRange) -> Episode:
     """Start an episode: draw a target, then a start.
 
     One uniform number gives both: the integer part of its product with the number of targets is the row, and the
-    fractional part gives the start. With 23 random bits, the relative error of the probability of a (target, start) pair
-    is at most `targets · starts / 2**23`, 0.3% for the largest built-in scenes.
+    fractional part gives the start. With 23 random bits, the relative error of the probability of a (target, start)
+    pair is at most `targets · starts / 2**23`, 0.3% for the largest built-in scenes.
 
     Args:
         key: source of randomness.

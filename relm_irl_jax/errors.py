@@ -46,6 +46,4 @@ def _suggestion(path: tuple[str, ...], settings: Any) -> str:
         return ""
     known = [field.name for field in fields(group)]
     nearest = difflib.get_close_matches(path[-1], known, n=1)
-    return (
-        f"; did you mean `{'.'.join((*path[:-1], *nearest))}`?" if nearest else f"; known fields: {', '.join(known)}"
-    )
+    return f"; did you mean `{'.'.join((*path[:-1], *nearest))}`?" if nearest else f"; known fields: {', '.join(known)}"

@@ -176,4 +176,6 @@ def load_arrays_and_metadata(path: Path) -> tuple[dict[str, np.ndarray], dict[st
     except FileNotFoundError as error:
         raise InputError(f"{path} is missing; restore it, or repeat the command that writes it.") from error
     except (SafetensorError, OSError) as error:
-        raise InputError(f"{path}: cannot be read ({error}); remove it, and repeat the command that writes it.") from error
+        raise InputError(
+            f"{path}: cannot be read ({error}); remove it, and repeat the command that writes it."
+        ) from error

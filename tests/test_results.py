@@ -102,7 +102,7 @@ def test_missing_and_misnamed_files_are_named(tmp_path):
     folder = RunFolder(tmp_path)
     with pytest.raises(InputError, match=r"results\.json: cannot be read"):
         load_results(folder)
-    with pytest.raises(InputError, match="holds no results; run `relm-irl evaluate"):
+    with pytest.raises(InputError, match="contains no results; run `relm-irl evaluate"):
         load_all_results(folder)
     save_results(folder, results("II", {"rl": [0.25]}))
     folder.results("II").rename(folder.results("I"))

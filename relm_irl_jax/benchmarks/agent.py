@@ -21,9 +21,9 @@ from rich.table import Table
 from relm_irl_jax import env
 from relm_irl_jax.agents.rollout import rollout, sample_action
 from relm_irl_jax.agents.settings import SiameseSettings
-from relm_irl_jax.agents.siamese.forward import through_frames, through_pairs
+from relm_irl_jax.agents.siamese.forward import passes_by_frames, passes_by_pairs
 from relm_irl_jax.agents.siamese.network import SiameseActorCritic
-from relm_irl_jax.agents.siamese.training import prepare, run_updates
+from relm_irl_jax.agents.siamese.training import prepare_training, run_updates
 from relm_irl_jax.agents.siamese.update import UpdateInputs, initial_memory, observe_views
 from relm_irl_jax.benchmarks.axes import label_log_axes
 from relm_irl_jax.benchmarks.irl import open_room
@@ -135,7 +135,7 @@ def rates(settings: SiameseSettings, repeats: int) -> list[Rate]:
     Returns:
         One row for each of the three.
     """
-    state, inputs, form = prepare(jax.random.key(0), benchmark_problem(), settings)
+    state, inputs, form = prepare_training(jax.random.key(0), benchmark_problem(), settings)
     task, network = inputs.task, form.network
     shape = task.target_range.first.shape
     frames, length = task.target_range.first.size * settings.t_max, UPDATES * settings.t_max
@@ -155,9 +155,9 @@ def rates(settings: SiameseSettings, repeats: int) -> list[Rate]:
     @jax.jit
     def acting(key: PRNGKeyArray, parameters):
         if inputs.pairs is None:
-            forward, _ = through_frames(network, parameters, task.world, task.targets, frames)
+            forward, _ = passes_by_frames(network, parameters, task.world, task.targets, frames)
         else:
-            forward, _ = through_pairs(network, parameters, task.world, task.targets, inputs.pairs)
+            forward, _ = passes_by_pairs(network, parameters, task.world, task.targets, inputs.pairs)
 
         def act(key, memory, observation, target):
             memory, views = observe_views(memory, observation)

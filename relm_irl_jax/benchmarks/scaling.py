@@ -20,7 +20,7 @@ from rich.table import Table
 
 from relm_irl_jax.agents.settings import SiameseSettings
 from relm_irl_jax.agents.siamese.sharding import shard_workers
-from relm_irl_jax.agents.siamese.training import prepare, run_updates
+from relm_irl_jax.agents.siamese.training import prepare_training, run_updates
 from relm_irl_jax.benchmarks.agent import UPDATES, benchmark_problem
 from relm_irl_jax.benchmarks.timing import describe_machine, time_calls
 from relm_irl_jax.progress import progress_bar
@@ -62,7 +62,7 @@ def scaled(settings: SiameseSettings, workers: int, repeats: int) -> Scaling:
     """
     devices = jax.device_count()
     settings = replace(settings, workers=workers * devices)
-    state, inputs, form = prepare(jax.random.key(0), benchmark_problem(), settings, devices)
+    state, inputs, form = prepare_training(jax.random.key(0), benchmark_problem(), settings, devices)
     state, inputs = shard_workers(state, inputs, jax.devices())
     timing = time_calls(lambda: run_updates(state, inputs, form=form, updates=UPDATES), repeats)
     target_range = inputs.task.target_range

@@ -28,8 +28,8 @@ SELECTIONS: dict[str, tuple[dict[str, Any], bool]] = {
     "all neurons, ridge by PRESS of pairs": ({**ALL_NEURONS, "ridge": "press"}, False),
     "all neurons, ridge by PRESS of targets": ({**ALL_NEURONS, "ridge": "press"}, True),
 }
-"""Methods to select neurons and ridge penalty: parameters of `ELMRegressor`, and whether PRESS leaves out all pairs of a
-target together. The second method is the paper's."""
+"""Methods to select neurons and ridge penalty: parameters of `ELMRegressor`, and whether PRESS leaves out all pairs of
+a target together. The second method is the paper's."""
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ from jaxtyping import Array, Bool, Float, Int
 from relm_irl_jax.errors import InputError
 
 MAX_INVERSE_TRACE = 1e9
-"""Trace of (I - Ĥ_BB)⁻¹ above which a group's error is no longer updated, since the quotient is dominated by rounding."""
+"""Trace of (I - Ĥ_BB)⁻¹ above which a group's error is no longer updated, since rounding dominates the quotient."""
 
 TILE = 256
 """Samples whose residuals are updated together through all prefixes: as many as fit in the processor's cache."""

@@ -5,7 +5,7 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
 MAX_LEVERAGE = 1 - 1e-9
-"""Leverage above which a sample's error is no longer updated, since the quotient is dominated by rounding errors."""
+"""Leverage above which a sample's error is no longer updated, since rounding dominates the quotient."""
 
 TILE = 32
 """Samples whose residuals are updated together through all prefixes: as many as fit in the processor's cache."""

@@ -135,7 +135,7 @@ def _enter_all(
 
 
 def _rotate_to_rank(T: Float64[np.ndarray, "samples outputs"]) -> Float64[np.ndarray, "samples rank"]:
-    """Rotate the outputs so that all but rank(T) of them are zero, and drop those; inner products of rows do not change."""
+    """Rotate the outputs so that all but rank(T) of them are zero, and drop those; products of rows do not change."""
     if T.shape[1] == 1:
         return T
     triangle, columns = scipy.linalg.qr(T.T, mode="r", pivoting=True, check_finite=False)

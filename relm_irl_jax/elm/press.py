@@ -169,8 +169,8 @@ def _prefix_errors(
 ) -> tuple[Float[Array, "neurons"], Float[Array, ""], Int[Array, "neurons"]]:
     """Errors of every prefix and of the model without columns, summed over outputs and averaged over samples.
 
-    The third result is the number of samples of leverage one. `saturates` says that a prefix of full row rank fits every
-    sample exactly, which is true without ridge.
+    The third result is the number of samples of leverage one. `saturates` says that a prefix of full row rank fits
+    every sample exactly, which is true without ridge.
     """
     if group_rows is None:
         sums, null, unit_leverage = leave_one_out_sums(Q, T, count, intercept)

@@ -80,7 +80,7 @@ def load_elm(path: str | Path) -> ELMRegressor:
         raise InputError(f"{path} has format version {metadata.get('version')}; this program reads {VERSION}.")
     text = json.loads(metadata["model"])
     model = ELMRegressor(**text["parameters"])
-    attributes = {**text["values"], **tensors}
+    attributes: dict[str, Any] = {**text["values"], **tensors}
     errors = attributes["diagnostics_.ridge_errors"].items()  # JSON has converted the keys to strings
     attributes["diagnostics_.ridge_errors"] = {float(penalty): error for penalty, error in errors}
     for name, kind in DATACLASSES.items():

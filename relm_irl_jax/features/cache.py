@@ -1,6 +1,7 @@
 """Features on disk. The file name is a checksum of the views and the encoder's fingerprint."""
 
 import hashlib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,8 @@ from relm_irl_jax.features.encoder import Encoder, Views, encode
 from relm_irl_jax.features.resnet import N_FEATURES
 from relm_irl_jax.files import write_bytes
 from relm_irl_jax.progress import console
+from relm_irl_jax.scenes.rooms.cache import cache_folder
+from relm_irl_jax.scenes.scene import Scene
 
 
 def encode_cached(
@@ -36,10 +39,26 @@ def encode_cached(
         try:
             return _load(path, len(views))
         except (SafetensorError, OSError, ValueError) as error:
-            console.print(f"{path.name}: features are damaged ({error}); encoding again", style="yellow", highlight=False)
+            console.print(
+                f"{path.name}: features are damaged ({error}); encoding again", style="yellow", highlight=False
+            )
     features = encode(encoder, views, description)
     _save(features, path)
     return features
+
+
+def encode_scene(scene: Scene, encoder: Encoder) -> Scene:
+    """Add features to a scene, with the user's cache folder.
+
+    Args:
+        scene: the scene with its views.
+        encoder: the encoder.
+
+    Returns:
+        The scene with features.
+    """
+    features = encode_cached(scene.views, encoder, cache_folder() / "features", f"encoding {scene.name}")
+    return replace(scene, features=features, encoder=encoder.name)
 
 
 def cache_key(views: Views, encoder: Encoder) -> str:

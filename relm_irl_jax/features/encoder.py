@@ -23,7 +23,7 @@ from relm_irl_jax.features.settings import EncoderSettings
 from relm_irl_jax.progress import progress_bar
 
 VERSION = 1
-"""Part of every fingerprint. Increase it if a change of the code gives other features for the same views and weights."""
+"""Part of every fingerprint. Increase it if the code gives other features for the same views and weights."""
 
 IMAGENET_MEAN = (0.485, 0.456, 0.406)
 """Mean of red, green and blue on [0, 1]."""

@@ -1,7 +1,8 @@
 """Weights of the encoder: random ones, calibration of their batch norms, and conversion to Flax parameters.
 
 All weights start as a *state dict*, which maps torchvision's names (`layer1.0.conv1.weight`,
-`layer1.0.bn1.running_mean`, ...) to arrays in torch's layout. `fold_batch_norms` converts it to parameters of `ResNet50`.
+`layer1.0.bn1.running_mean`, ...) to arrays in torch's layout. `fold_batch_norms` converts it to the parameters of
+`ResNet50`.
 """
 
 import hashlib

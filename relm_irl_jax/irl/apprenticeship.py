@@ -24,7 +24,6 @@ from relm_irl_jax.irl.policy_iteration import next_states, optimal_policy
 from relm_irl_jax.irl.problem import MaxMarginProblem, check_problem, relative_features
 from relm_irl_jax.irl.solution import Solution, Status, normalised_solution
 
-
 MAX_ROUNDS = 100
 """Maximum number of policies."""
 
@@ -97,10 +96,8 @@ def apprenticeship(
             differences = np.stack([expert - each for each in expectations])
             mean = expert - _shortest_mixture(differences @ differences.T) @ differences
     gap = best_distance / first if first > 0.0 else 0.0
-    if gap <= TOLERANCE:
-        status = Status.OPTIMAL
-    else:
-        status = Status.INACCURATE if hull <= 1e-2 * first else Status.NOT_CONVERGED
+    status = Status.INACCURATE if hull <= 1e-2 * first else Status.NOT_CONVERGED
+    status = Status.OPTIMAL if gap <= TOLERANCE else status
     return normalised_solution(problem, best, status, discount=discount, r_max=r_max, gap=gap)
 
 

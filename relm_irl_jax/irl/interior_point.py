@@ -31,7 +31,7 @@ TOLERANCE = 1e-9
 
 
 class _Newton(NamedTuple):
-    """Quantities shared by the predictor and the corrector of a step: the factorised K, ω with sums and means, residuals."""
+    """Quantities shared by the predictor and the corrector of a step: K, ω with sums and means, residuals."""
 
     factor: Float64[np.ndarray, "rank rank"]
     weight: Float64[np.ndarray, "constraints"]

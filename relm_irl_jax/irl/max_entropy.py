@@ -22,7 +22,6 @@ from relm_irl_jax.irl.expectations import mean_feature_expectations
 from relm_irl_jax.irl.problem import MaxMarginProblem, check_problem, relative_features
 from relm_irl_jax.irl.solution import Solution, Status, normalised_solution
 
-
 MAX_ITERATIONS = 500
 """Maximum number of L-BFGS steps."""
 

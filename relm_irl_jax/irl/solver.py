@@ -206,7 +206,7 @@ def without_reward(problem: MaxMarginProblem, status: Status, message: str) -> R
 def _certify(
     program: ConvexProgram, point: Float64[np.ndarray, "rank"], duals: DualVariables, reported: Status
 ) -> ProgramSolution:
-    """Assess a solver's result by its certificate; if that fails, keep the solver's status unless it reports success."""
+    """Assess a solver's result by its certificate; if that fails, keep the solver's status unless it is a success."""
     objective, violation = program.objective(point), program.bound_violation(point)
     gap = (program.dual_bound(point, duals) - objective) / max(1.0, abs(objective))
     worst, status = max(abs(gap), violation), reported

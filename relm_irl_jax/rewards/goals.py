@@ -1,4 +1,4 @@
-"""Goals: states that hindsight relabelling (Andrychowicz et al., 2017) uses as targets, and the costs of states for each.
+"""Goals: states that hindsight relabelling (Andrychowicz et al., 2017) uses as targets, and their costs.
 
 This module separates training from evaluation: with `strict`, no evaluation target is a goal. The goals also depend on
 the method's reward. RL can use any visited view as a goal, at a constant cost of each step. IRL has weights for the

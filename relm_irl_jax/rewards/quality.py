@@ -1,8 +1,8 @@
 """Quality of a reward, independent of agents: the target's rank, and the correlation of reward and distance.
 
-If all rewards are negative and the simulator ends the episode at the target, even under a constant −1 the optimal policy
-reaches the target. Reaching it therefore says little about a reward. Quality is measured before clipping, since the
-bounds make many rewards equal.
+If all rewards are negative and the simulator ends the episode at the target, even under a constant −1 the optimal
+policy reaches the target. Reaching it therefore says little about a reward. Quality is measured before clipping, since
+the bounds make many rewards equal.
 """
 
 from collections.abc import Sequence

@@ -26,8 +26,8 @@ class IrlSettings(IrlMethodSettings):
     """Demonstrations, and inverse reinforcement learning from them."""
 
     max_margin: MaxMarginSettings = MaxMarginSettings(regularisation=10.0, compare_with_lp=False)
-    """The maximum-margin program; its form, discount and r_max apply to all methods. With λ = 10, solutions reach 94% of
-    the linear program's objective, and predicted rewards rank new targets far higher than with a smaller λ."""
+    """The maximum-margin program; its form, discount and r_max apply to all methods. With λ = 10, solutions reach 94%
+    of the linear program's objective, and predicted rewards rank new targets far higher than with a smaller λ."""
     trajectories: PositiveInt = 16
     """Expert trajectories for each training target, from distinct random starts."""
     pooling: Literal["target", "trajectory"] = "target"
@@ -35,12 +35,12 @@ class IrlSettings(IrlMethodSettings):
     dimension: NonNegativeInt = 64
     """Number of principal components of the view features that form φ; 0 uses all of them."""
     sub_trajectories: bool = True
-    """Whether states along the demonstrations serve as further targets for the extreme learning machine: every part of a
-    shortest path is a shortest path."""
+    """Whether states along the demonstrations serve as further targets for the extreme learning machine: every part of
+    a shortest path is a shortest path."""
     minimum_cost: Annotated[float, Field(ge=0, le=1)] = 0.6
     """Smallest cost of a step in the learned reward, as a share of r_max; with 0, the agent can stay in states without
-    cost. Optimal paths under predicted rewards are longer than shortest paths by 0.9% with 0.3 and by 0.1% with 0.6; the
-    metric agent's SPL on new targets is .72 and .80 (RELM-IRL, 1.2M frames)."""
+    cost. Optimal paths under predicted rewards are longer than shortest paths by 0.9% with 0.3 and by 0.1% with 0.6;
+    the metric agent's SPL on new targets is .72 and .80 (RELM-IRL, 1.2M frames)."""
     cost_horizon: PositiveFloat = 6.0
     """Agents that learn values divide learned rewards by r_max times this number of steps. Larger returns train less
     reliably, smaller ones are dominated by the entropy bonus (IRL on Task I: SPL 0.92 with 6, 0.90 with 10)."""
@@ -88,5 +88,5 @@ class GoalSettings:
     """States that may be goals, if the method has a reward for them: only the training targets (`none`), all states
     except evaluation targets (`strict`), or all states (`open`)."""
     imagine: bool = True
-    """Whether ELM-IRL and RELM-IRL, which predict rewards for any pair of views, use the goals of `strict` if `hindsight`
-    is `none`. RL and IRL then have the training targets only."""
+    """Whether ELM-IRL and RELM-IRL, which predict rewards for any pair of views, use the goals of `strict` if
+    `hindsight` is `none`. RL and IRL then have the training targets only."""

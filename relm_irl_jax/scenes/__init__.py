@@ -1,4 +1,4 @@
-"""Scenes: the data structure, the file format, the built-in rooms, and the recording of other simulators.
+"""Scenes: data structure, file format, built-in rooms, and recording of other simulators.
 
 Names are imported on first use, so that processes that only need the structure do not load JAX.
 """

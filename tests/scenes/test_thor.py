@@ -163,7 +163,7 @@ def test_a_house_starts_at_its_agent(tmp_path):
 
 @pytest.mark.parametrize(
     ("content", "fault"),
-    [("{", "as JSON"), ("[]", "no ProcTHOR house"), ('{"rooms": []}', "where the agent starts")],
+    [("{", "as JSON"), ("[]", "not a ProcTHOR house"), ('{"rooms": []}', "start pose is missing")],
 )
 def test_files_that_are_no_houses(tmp_path, content, fault):
     path = tmp_path / "house.json"

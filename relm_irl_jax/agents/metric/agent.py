@@ -34,8 +34,8 @@ from relm_irl_jax.types import NO_MEMORY, Parameters, Requirement, TrainingLog, 
 from relm_irl_jax.world import Targets, World
 
 TARGET_SHARE = 0.25
-"""Share of the drawn goals that are training targets; the others are drawn from all goals. SPL on trained targets is .93
-with 0 and 1.00 with 0.25, on new targets .90 and .89."""
+"""Share of the drawn goals that are training targets; the others are drawn from all goals. SPL on trained targets is
+.93 with 0 and 1.00 with 0.25, on new targets .90 and .89."""
 
 GRADIENT_CLIP = 10.0
 """Largest global norm of a gradient."""
@@ -173,7 +173,7 @@ class MetricAgent:
     requires: frozenset[Requirement] = frozenset({"goals"})
 
     def train(self, key: PRNGKeyArray, problem: TrainingProblem, log: TrainingLog) -> tuple[Parameters, MetricCurve]:
-        """Train on a problem, see `relm_irl_jax.types.Agent`."""
+        """Train on a problem; see `relm_irl_jax.types.Agent`."""
         assert problem.goals is not None
         settings, world, goals = self.settings, problem.world, problem.goals
         form = update_form(settings)
@@ -211,7 +211,7 @@ class MetricAgent:
         return state.parameters, curve_from_rows(MetricCurve, rows)
 
     def policy(self, parameters: Parameters, world: World, targets: Targets) -> MetricPolicy:
-        """Make a policy for scenes and targets, see `relm_irl_jax.types.Agent`."""
+        """Make a policy for scenes and targets; see `relm_irl_jax.types.Agent`."""
         form = update_form(self.settings)
         embeddings: Embeddings = jax.jit(embed, static_argnums=0)(form.network, parameters, world.features)
         inverse_temperature = jnp.float32(self.settings.evaluation_inverse_temperature)

@@ -199,7 +199,5 @@ def successor_error(embeddings: Embeddings, inputs: LossInputs, form: LossForm) 
     return jnp.where(known, parts, 0.0).sum() / jnp.maximum(known.astype(jnp.float32).sum(), 1.0)
 
 
-def _squared_error(
-    distance: Float32[Array, "*pairs"], target: Float32[Array, "*pairs"]
-) -> Float32[Array, "*pairs"]:
+def _squared_error(distance: Float32[Array, "*pairs"], target: Float32[Array, "*pairs"]) -> Float32[Array, "*pairs"]:
     return jnp.where(jnp.isfinite(target), distance - target, 0.0) ** 2

@@ -1,11 +1,11 @@
-"""The network's forward pass for acting and its backward pass for learning, for frames or for all pairs.
+"""The network's forward pass for acting and its backward pass for learning, either by frames or by pairs.
 
-Both ways compute the same function. *Frames*: each frame is evaluated when a worker reaches it, from tables of what
-depends on single views; learning evaluates all frames of the update once more, in one batch, to differentiate them.
-*Pairs*: an update of many workers visits most pairs of a training target and a state of its scene, many of them more
-than once. Where there are no more pairs than frames, all pairs are evaluated before the first step in a few large
-products; acting looks up four logits, and the gradient with respect to logits and values is summed over the frames of
-each pair before it passes through the network. The cost of an update is then independent of its number of frames.
+Both variants compute the same function. *Frames*: each frame is evaluated when a worker reaches it, from tables of the
+layers that depend on single views; learning evaluates all frames of the update again, in one batch, to differentiate
+them. *Pairs*: many workers visit most pairs of a training target and a state of its scene in each update, often
+repeatedly. If there are no more pairs than frames, all pairs are evaluated before the first step, in a few large matrix
+products. Acting then looks up the logits, and the gradient with respect to logits and values is summed over the frames
+of each pair before backpropagation. The cost of an update is then independent of its number of frames.
 """
 
 from collections.abc import Callable
@@ -34,14 +34,14 @@ respect to the parameters."""
 def tabulate(
     network: SiameseActorCritic, parameters: Parameters, world: World, targets: Targets, frames: int | None = None
 ) -> Tables:
-    """Compute the network's tables, over all states where these are no more than the frames.
+    """Compute the network's tables; over all states if there are no more states than frames.
 
     Args:
         network: the network. Static.
         parameters: θ.
         world: the scenes.
         targets: the targets.
-        frames: frames for which these parameters serve; None for any number. Static.
+        frames: number of frames that are evaluated with these parameters; None if unknown. Static.
 
     Returns:
         The tables.
@@ -71,7 +71,7 @@ def evaluate(
     Args:
         network: the network. Static.
         parameters: θ.
-        tables: what `tabulate` computed from the same θ.
+        tables: tables that `tabulate` computed from the same θ.
         views: last states in the world, the latest first.
         target: rows of the targets.
         head: head of each group.
@@ -95,23 +95,23 @@ def evaluate_pairs(
         pairs: the pairs.
 
     Returns:
-        Policy and value of each, in the order of `StateTargetPairs.index`.
+        Policy and value of each pair, in the order of `StateTargetPairs.index`.
     """
     tables = tabulate(network, parameters, world, targets)
-    found = [
+    heads = [
         evaluate(network, parameters, tables, state[None, :, None], target[None], jnp.asarray([head], jnp.int32))
         for head, (state, target) in enumerate(zip(pairs.state, pairs.target, strict=True))
     ]
     return Outputs(
-        logits=jnp.concatenate([outputs.logits[0] for outputs in found]),
-        value=jnp.concatenate([outputs.value[0] for outputs in found]),
+        logits=jnp.concatenate([outputs.logits[0] for outputs in heads]),
+        value=jnp.concatenate([outputs.value[0] for outputs in heads]),
     )
 
 
-def through_frames(
+def passes_by_frames(
     network: SiameseActorCritic, parameters: Parameters, world: World, targets: Targets, frames: int
 ) -> tuple[Forward, Backward]:
-    """Evaluate each frame when it is reached, from tables over states and over targets.
+    """Forward and backward pass by frames, from tables over states and over targets.
 
     Args:
         network: the network. Static.
@@ -138,10 +138,10 @@ def through_frames(
     return forward, backward
 
 
-def through_pairs(
+def passes_by_pairs(
     network: SiameseActorCritic, parameters: Parameters, world: World, targets: Targets, pairs: StateTargetPairs
 ) -> tuple[Forward, Backward]:
-    """Evaluate all pairs of a state and a target in advance, and look frames up.
+    """Forward and backward pass by pairs: all pairs of a state and a target are evaluated in advance.
 
     Args:
         network: the network; it observes one view. Static.
@@ -168,6 +168,6 @@ def through_pairs(
 
 
 def _merge_time(x: Array) -> Array:
-    """Merge time into the batch, [time groups batch …] → [groups time·batch …]: each group is one large product."""
+    """Merge time into the batch, [time groups batch …] → [groups time·batch …], for one large product per group."""
     time, groups, batch, *rest = x.shape
     return jnp.moveaxis(x, 0, 1).reshape(groups, time * batch, *rest)
