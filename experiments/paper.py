@@ -2,7 +2,7 @@
 
     make paper                                all pieces, then runs/paper/report.html
     make paper PIECE=metric                   one of siamese, metric, metric-open, metric-no-hindsight, vizdoom, elm,
-                                              stability, ablation, report
+                                              stability, ablation, irl-methods, report
     make paper PIECE=ablation VARIANT=lp      one variant, and the base that it is compared with
     make paper QUICK=1                        the same code on tiny rooms, in runs/paper-quick
     make paper JOBS=4                         four runs at a time, each in a process of its own
@@ -38,7 +38,16 @@ PRESETS = Path(__file__).parent / "paper"
 QUICK = PRESETS / "quick.toml"
 
 Piece = Literal[
-    "siamese", "metric", "metric-open", "metric-no-hindsight", "vizdoom", "elm", "stability", "ablation", "report"
+    "siamese",
+    "metric",
+    "metric-open",
+    "metric-no-hindsight",
+    "vizdoom",
+    "elm",
+    "stability",
+    "ablation",
+    "irl-methods",
+    "report",
 ]
 PIECES: tuple[Piece, ...] = tuple(piece for piece in get_args(Piece) if piece != "vizdoom")
 
@@ -71,6 +80,7 @@ def main(settings: Paper) -> Path:
     out = settings.out or Path("runs") / ("paper-quick" if settings.quick else "paper")
     overlays = [QUICK] if settings.quick else []
     ablation = load_ablation(PRESETS / "ablation.toml")
+    methods = load_ablation(PRESETS / "irl-methods.toml")
     names = settings.variants or [n for n, v in ablation.variants.items() if v.quick or not settings.quick]
     unknown = [name for name in names if name not in ablation.variants]
     if unknown:
@@ -82,6 +92,9 @@ def main(settings: Paper) -> Path:
         complete_runs(runs, complete_run)
         if "ablation" in settings.pieces:
             run_ablation(ablation, names, changes, out / "ablation")
+        if "irl-methods" in settings.pieces:
+            quick = [n for n, v in methods.variants.items() if v.quick or not settings.quick]
+            run_ablation(methods, quick, changes, out / "irl-methods")
     config = load_preset(PRESETS / "siamese.toml", overlays)
     if "elm" in settings.pieces:
         sizes = tuple(size for size in PAPER_SIZES if size <= 5 * config.elm.hidden)
@@ -89,7 +102,9 @@ def main(settings: Paper) -> Path:
     if "stability" in settings.pieces and not (out / "stability" / "stability.csv").exists():
         walks = 4 if settings.quick else irl_stability.Study.trajectories
         irl_stability.main(irl_stability.Study(out / "stability", trajectories=walks, config=config))
-    path = write_study(out, ablation_rows(ablation, changes, out / "ablation")).with_suffix(".html")
+    rows = ablation_rows(ablation, changes, out / "ablation")
+    method_rows = ablation_rows(methods, changes, out / "irl-methods")
+    path = write_study(out, rows, method_rows).with_suffix(".html")
     console.print(f"Report: {path}", highlight=False, soft_wrap=True)
     return path
 

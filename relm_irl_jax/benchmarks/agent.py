@@ -109,17 +109,15 @@ def operations(inputs: UpdateInputs, network: SiameseActorCritic, frames: int) -
 
     Returns:
         The number. Each product needs as many operations again for the gradient with respect to its weights, and for
-        the gradient with respect to its input; features have no gradient. Frames that are evaluated one by one are
-        evaluated again for the gradient. The values after the rollout are not counted.
+        the gradient with respect to its input; features have no gradient. By frames, the layers after the shared layer
+        are evaluated again for the gradient. The values after the rollout are not counted.
     """
     states, features = inputs.task.world.features.shape
     width, targets = network.width, len(inputs.task.targets.state)
-    tables = network.history == 1 and states <= frames
-    repeated = 0 if tables or states <= frames else 1
-    encoded = min(states, frames)
-    fused = encoded if tables else frames
-    shared = 2 * ((2 + repeated) * encoded + 2 * (0 if tables else targets)) * network.history * features * width
-    fusion = 2 * ((3 if tables else 4) * fused + 3 * targets) * width * width
+    encoded = min(states, frames)  # tables over all states, or every frame separately
+    tabulated = network.history == 1 and states <= frames
+    shared = 2 * 2 * (encoded + (0 if tabulated else targets)) * network.history * features * width
+    fusion = 2 * (3 * encoded if tabulated else 4 * frames) * width * width + 2 * 3 * targets * width * width
     evaluated = 4 * frames if inputs.pairs is None else 3 * inputs.pairs.count
     heads = 2 * evaluated * width * (width + 5)
     return float(shared + fusion + heads)
@@ -162,7 +160,7 @@ def rates(settings: SiameseSettings, repeats: int) -> list[Rate]:
 
         def act(key, memory, observation, target):
             memory, views = observe_views(memory, observation)
-            return memory, sample_action(key, forward(views, target).logits), None
+            return memory, sample_action(key, forward(views, target).outputs.logits), None
 
         memory = initial_memory(shape, network.history)
         workers, experience, sums = rollout(key, act, state.workers, task, memory, length)

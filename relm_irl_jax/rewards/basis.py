@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float64
+from sklearn.decomposition import PCA
 
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.scenes.scene import Scene
@@ -55,13 +56,14 @@ def fit_basis(scenes: Sequence[Scene], dimension: int) -> RewardBasis:
         InputError: `dimension` exceeds the rank of the features.
     """
     features = np.concatenate([np.asarray(scene.encoded, np.float64) for scene in scenes])
-    mean = features.mean(0)
-    variance, directions = np.linalg.eigh((features - mean).T @ (features - mean) / len(features))
-    rank = int((variance > variance[-1] * 1e-12).sum())
+    pca = PCA(svd_solver="covariance_eigh").fit(features)  # pyrefly: ignore  its types lack this solver
+    variance = pca.explained_variance_
+    rank = int((variance > variance[0] * 1e-12).sum())
     if dimension > rank:
         raise InputError(
             f"irl.dimension: {dimension} exceeds {rank}, the rank of the training views' features; lower it."
         )
-    largest = slice(-1, -(dimension or rank) - 1, -1)
-    scale = np.sqrt((dimension or rank) / variance[largest].sum())
-    return RewardBasis(mean, directions[:, largest] * scale)
+    n_components = dimension or rank
+    # The mean of ‖φ‖² divides by the number of views, PCA's variance by one less.
+    scale = np.sqrt(n_components / (variance[:n_components].sum() * (len(features) - 1) / len(features)))
+    return RewardBasis(pca.mean_, pca.components_[:n_components].T * scale)

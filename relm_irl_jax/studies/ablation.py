@@ -9,7 +9,7 @@ from typing import Any, get_args
 from pydantic import TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass as settings_dataclass
 
-from relm_irl_jax.config import AgentName, Config, overlay, read_fields
+from relm_irl_jax.config import AgentName, Config, Method, overlay, read_fields
 from relm_irl_jax.errors import InputError, first_fault
 from relm_irl_jax.report.comparison import OURS, markdown_difference
 from relm_irl_jax.report.intervals import MeanInterval, mean_interval, paired_difference
@@ -53,11 +53,13 @@ class Ablation:
         base: fields of the base that differ from the defaults.
         variants: the variants by name.
         agents: further fields of the base for each agent, such as its frames.
+        method: the method whose metrics are compared.
     """
 
     base: dict[str, Any]
     variants: dict[str, Variant]
     agents: dict[AgentName, dict[str, Any]] = field(default_factory=dict)
+    method: Method = "relm-irl"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -169,7 +171,9 @@ def ablation_rows(ablation: Ablation, changes: Mapping[str, Any], folder: Path) 
             run = RunFolder(folder / f"{agent}-{name}")
             results = load_all_results(run)
             values_by_seed: BySeed = {
-                (task, metric): by_seed(results[task].rows, OURS, metric, MEAN) for task in TASKS for metric in METRICS
+                (task, metric): by_seed(results[task].rows, ablation.method, metric, MEAN)
+                for task in TASKS
+                for metric in METRICS
             }
             if name == BASE:
                 base = values_by_seed

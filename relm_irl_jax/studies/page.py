@@ -33,12 +33,13 @@ RUN_TITLES = {
 """Titles of a study's runs, by the names of their folders."""
 
 
-def write_study(out: Path, ablation: Sequence[AblationRow]) -> Path:
+def write_study(out: Path, ablation: Sequence[AblationRow], irl_methods: Sequence[AblationRow] = ()) -> Path:
     """Write `report.html` and `report.md` of a study from the runs in its folder.
 
     Args:
         out: folder of the study.
         ablation: rows of the ablation.
+        irl_methods: rows of the methods of inverse reinforcement learning.
 
     Returns:
         The Markdown file.
@@ -55,7 +56,8 @@ def write_study(out: Path, ablation: Sequence[AblationRow]) -> Path:
     for name, folder in runs.items():
         sections = partial(run_sections, worded=False)
         text += [f"## {RUN_TITLES[name]}", "", *_readable(sections, folder, out, "###")]
-    text += [*_readable(_regressor, out), *_ablation(out, ablation), *_readable(_stability, out)]
+    text += [*_readable(_regressor, out), *_ablation(out, ablation), *_irl_methods(out, irl_methods)]
+    text += _readable(_stability, out)
     text += ["Runs share learned rewards; the time to learn them is counted in the first run only.", ""]
     for name, folder in runs.items():
         text += [f"## Hardware and configuration: {RUN_TITLES[name]}", "", *_readable(circumstances, folder, "###")]
@@ -152,7 +154,7 @@ def _ablation(out: Path, rows: Sequence[AblationRow]) -> list[str]:
     if not rows:
         return []
     write_table(out / "tables" / "ablation.csv", ablation_columns(rows))
-    text = [
+    return [
         "## What the paper leaves open",
         "",
         "RELM-IRL with one setting changed, and fewer frames and episodes than in the tables above. Changes are paired "
@@ -160,7 +162,29 @@ def _ablation(out: Path, rows: Sequence[AblationRow]) -> list[str]:
         "comparisons); bold if the interval excludes zero, which happens for one in twenty by chance. Rank: rank of a "
         "new target by predicted reward among the states of its scene, median over targets; 1 is best.",
         "",
+        *_tables_by_agent(rows),
     ]
+
+
+def _irl_methods(out: Path, rows: Sequence[AblationRow]) -> list[str]:
+    """Metrics of agents with the rewards of other methods of inverse reinforcement learning."""
+    if not rows:
+        return []
+    write_table(out / "tables" / "irl-methods.csv", ablation_columns(rows))
+    return [
+        "## Rewards of other methods of inverse reinforcement learning",
+        "",
+        "IRL, with rewards for the demonstrated targets only; the base is the maximum-margin program. Changes are "
+        "paired with the base on the same seeds and demonstrations, ± half of the 95% interval (Student's t); bold if "
+        "the interval excludes zero.",
+        "",
+        *_tables_by_agent(rows),
+    ]
+
+
+def _tables_by_agent(rows: Sequence[AblationRow]) -> list[str]:
+    """A section for each agent with tables of SR and SPL."""
+    text = []
     for agent in dict.fromkeys(row.agent for row in rows):
         of_agent = [row for row in rows if row.agent == agent]
         frames, seeds = of_agent[0].frames, of_agent[0].seeds

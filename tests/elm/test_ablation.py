@@ -20,7 +20,7 @@ def pairs():
     rng = np.random.default_rng(0)
     X = rng.standard_normal((120, 6))
     T = np.tanh(X @ rng.standard_normal((6, 3))) + 0.05 * rng.standard_normal((120, 3))
-    targets = np.arange(60) // 2
+    targets = np.arange(60) // 4
     return Pairs(X[:60], T[:60], targets), Pairs(X[60:], T[60:], targets)
 
 

@@ -9,11 +9,12 @@ from relm_irl_jax.elm import ELMRegressor, load_elm, save_elm
 
 
 @pytest.mark.parametrize(
-    "parameters", [{}, {"ridge": "press", "ordering": "none"}, {"selection": 3, "activation": "rbf"}]
+    "parameters",
+    [{}, {"ridge": "press", "ordering": "none", "selection": "none"}, {"selection": 3, "activation": "rbf"}],
 )
 def test_a_file_gives_the_same_model(parameters, data, tmp_path):
     X, T = data
-    model = ELMRegressor(20, random_state=0, **parameters).fit(X, T[:, 0])
+    model = ELMRegressor(20, random_state=0, **parameters).fit(X, T)
     save_elm(model, tmp_path / "model.safetensors")
     loaded = load_elm(tmp_path / "model.safetensors")
     assert loaded.get_params() == model.get_params()

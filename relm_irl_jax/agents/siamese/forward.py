@@ -1,19 +1,21 @@
 """The network's forward pass for acting and its backward pass for learning, either by frames or by pairs.
 
 Both variants compute the same function. *Frames*: each frame is evaluated when a worker reaches it, from tables of the
-layers that depend on single views; learning evaluates all frames of the update again, in one batch, to differentiate
-them. *Pairs*: many workers visit most pairs of a training target and a state of its scene in each update, often
-repeatedly. If there are no more pairs than frames, all pairs are evaluated before the first step, in a few large matrix
-products. Acting then looks up the logits, and the gradient with respect to logits and values is summed over the frames
-of each pair before backpropagation. The cost of an update is then independent of its number of frames.
+layers that depend on single views. Learning reuses the stored result of the expensive layers, which depend only on the
+views, and evaluates the layers after them again, for all frames in one batch, to differentiate them. *Pairs*: many
+workers visit most pairs of a training target and a state of its scene in each update, often repeatedly. If there are no
+more pairs than frames, all pairs are evaluated before the first step, in a few large matrix products. Acting then looks
+up the logits, and the gradient with respect to logits and values is summed over the frames of each pair before
+backpropagation. The cost of an update is then independent of its number of frames.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import cast
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Int32
+from jaxtyping import Array, Float32, Int32
 
 from relm_irl_jax.agents.siamese.network import Outputs, SiameseActorCritic, Tables
 from relm_irl_jax.agents.siamese.state_target_pairs import StateTargetPairs
@@ -23,12 +25,32 @@ from relm_irl_jax.world import Targets, World
 Views = Int32[Array, "groups batch history"]
 Target = Int32[Array, "groups batch"]
 
-Forward = Callable[[Views, Target], Outputs]
-"""Maps last states and targets of all workers to policy and value."""
 
-Backward = Callable[[Int32[Array, "time groups batch history"], Int32[Array, "time groups batch"], Outputs], Parameters]
-"""Maps views and targets of all steps, and the gradient of a loss with respect to their outputs, to the gradient with
-respect to the parameters."""
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Evaluation:
+    """Frames and their evaluation.
+
+    Attributes:
+        outputs: policy and value.
+        views: states whose views were observed, the latest first.
+        target: rows of the targets.
+        state_part: result of the layers that depend only on the views; see `SiameseActorCritic.state_part`. None if
+            pairs are evaluated.
+    """
+
+    outputs: Outputs
+    views: Int32[Array, "*time groups batch history"]
+    target: Int32[Array, "*time groups batch"]
+    state_part: Float32[Array, "*time groups batch width"] | None
+
+
+Forward = Callable[[Views, Target], Evaluation]
+"""Evaluates the network on the last states and the targets of all workers."""
+
+Backward = Callable[[Evaluation, Outputs], Parameters]
+"""Maps all evaluated steps, and the gradient of a loss with respect to their outputs, to the gradient with respect to
+the parameters."""
 
 
 def tabulate(
@@ -126,14 +148,26 @@ def passes_by_frames(
     heads = jnp.arange(network.n_heads)
     tables, tables_vjp = jax.vjp(lambda theta: tabulate(network, theta, world, targets, frames), parameters)
 
-    def forward(views: Views, target: Target) -> Outputs:
-        return evaluate(network, parameters, tables, views, target, heads)
+    def state_part(theta: Parameters, tables: Tables, views: Array) -> Array:
+        return cast(Array, network.apply(theta, tables, views, method="state_part"))
 
-    def backward(views: Array, target: Array, grad_outputs: Outputs) -> Parameters:
-        views, target, grad_outputs = jax.tree.map(_merge_time, (views, target, grad_outputs))
-        _, vjp = jax.vjp(lambda theta, t: evaluate(network, theta, t, views, target, heads), parameters, tables)
-        grad_parameters, grad_tables = vjp(grad_outputs)
-        return jax.tree.map(jnp.add, grad_parameters, tables_vjp(grad_tables)[0])
+    def combine(theta: Parameters, tables: Tables, part: Array, views: Array, target: Array) -> Outputs:
+        return cast(Outputs, network.apply(theta, tables, part, views, target, heads, method="combine"))
+
+    def forward(views: Views, target: Target) -> Evaluation:
+        part = state_part(parameters, tables, views)
+        return Evaluation(combine(parameters, tables, part, views, target), views, target, part)
+
+    def backward(steps: Evaluation, grad_outputs: Outputs) -> Parameters:
+        views, target, part = (_merge_time(x) for x in (steps.views, steps.target, steps.state_part))
+        grad_outputs = Outputs(_merge_time(grad_outputs.logits), _merge_time(grad_outputs.value))
+        _, vjp = jax.vjp(lambda theta, t, p: combine(theta, t, p, views, target), parameters, tables, part)
+        grad_combined, grad_tables, grad_part = vjp(grad_outputs)
+        # `state_part` is linear, so nothing uses the forward pass of this jax.vjp, and the compiler removes it.
+        _, vjp = jax.vjp(lambda theta, t: state_part(theta, t, views), parameters, tables)
+        grad_state_part, more_grad_tables = vjp(grad_part)
+        grad_tabulated = tables_vjp(jax.tree.map(jnp.add, grad_tables, more_grad_tables))[0]
+        return jax.tree.map(lambda *parts: sum(parts), grad_combined, grad_state_part, grad_tabulated)
 
     return forward, backward
 
@@ -155,19 +189,20 @@ def passes_by_pairs(
     """
     outputs, vjp = jax.vjp(lambda theta: evaluate_pairs(network, theta, world, targets, pairs), parameters)
 
-    def forward(views: Views, target: Target) -> Outputs:
+    def forward(views: Views, target: Target) -> Evaluation:
         index = pairs.index(world, views[..., 0], target)
-        return Outputs(outputs.logits[index], outputs.value[index])
+        return Evaluation(Outputs(outputs.logits[index], outputs.value[index]), views, target, None)
 
-    def backward(views: Array, target: Array, grad_outputs: Outputs) -> Parameters:
-        index = pairs.index(world, views[..., 0], target)
+    def backward(steps: Evaluation, grad_outputs: Outputs) -> Parameters:
+        index = pairs.index(world, steps.views[..., 0], steps.target)
         grad_pairs = jax.tree.map(lambda out, grad: jnp.zeros_like(out).at[index].add(grad), outputs, grad_outputs)
         return vjp(grad_pairs)[0]
 
     return forward, backward
 
 
-def _merge_time(x: Array) -> Array:
+def _merge_time(x: Array | None) -> Array:
     """Merge time into the batch, [time groups batch …] → [groups time·batch …], for one large product per group."""
+    assert x is not None
     time, groups, batch, *rest = x.shape
     return jnp.moveaxis(x, 0, 1).reshape(groups, time * batch, *rest)

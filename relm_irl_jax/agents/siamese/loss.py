@@ -29,20 +29,6 @@ class LossWeights:
     return_scale: Float32[Array, ""]
 
 
-@jax.tree_util.register_dataclass
-@dataclass(frozen=True)
-class Step:
-    """Data of each acting step that learning needs.
-
-    Attributes:
-        outputs: policy and value.
-        views: states whose views were observed, the latest first.
-    """
-
-    outputs: Outputs
-    views: Int32[Array, "*time groups batch history"]
-
-
 def n_step_returns(
     reward: Float32[Array, "time *batch"],
     terminated: Bool[Array, "time *batch"],
@@ -92,7 +78,7 @@ def next_values(
 
     Args:
         value: maps last states and targets to values.
-        experience: the steps; their `output` is a `Step`.
+        experience: the steps; their `output` is an `Evaluation`.
 
     Returns:
         The values; arbitrary for steps that reached the target.

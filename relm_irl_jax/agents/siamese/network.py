@@ -179,7 +179,52 @@ class SiameseActorCritic(nn.Module):
         Returns:
             Action logits and values.
         """
-        fusion = self._state_half(tables, views) + tables.target[target]
+        return self.combine(tables, self.state_part(tables, views), views, target, head)
+
+    def state_part(
+        self, tables: Tables, views: Int32[Array, "groups batch history"]
+    ) -> Float32[Array, "groups batch width"]:
+        """The layers that depend only on the views, up to the first non-linearity that is not in a table.
+
+        The result is linear in the parameters and in the tables, so that its gradient needs no forward pass.
+
+        Args:
+            tables: the tables.
+            views: last states in the world, the latest first.
+
+        Returns:
+            z(s) U + c if there is a table of it; otherwise the shared layer before its ReLU.
+        """
+        if tables.fusion is not None:
+            return tables.fusion[views[..., 0]]
+        if tables.shared is not None:
+            bias = self.shared.variables["params"]["bias"]
+            return sum((tables.shared[j][views[..., j]] for j in range(self.history)), bias)
+        assert tables.features is not None
+        return self.shared(tables.features[views].reshape(*views.shape[:-1], -1))
+
+    def combine(
+        self,
+        tables: Tables,
+        state_part: Float32[Array, "groups batch width"],
+        views: Int32[Array, "groups batch history"],
+        target: Int32[Array, "groups batch"],
+        head: Int32[Array, "groups"],
+    ) -> Outputs:
+        """Policy and value from the layers that depend only on the views, the target and the head.
+
+        Args:
+            tables: the tables.
+            state_part: the result of `state_part`.
+            views: last states in the world, the latest first.
+            target: rows of the targets.
+            head: head of each group.
+
+        Returns:
+            Action logits and values.
+        """
+        half = state_part if tables.fusion is not None else self.fusion_state(nn.relu(state_part))
+        fusion = half + tables.target[target]
         if tables.predicted_reward is not None:
             fusion += tables.predicted_reward[target, views[..., 0]][..., None] * self.fusion_reward
         hidden = nn.relu(nn.relu(fusion) @ self.head_kernel[head] + self.head_bias[head])
@@ -187,17 +232,3 @@ class SiameseActorCritic(nn.Module):
         logits = project(self.policy_kernel[head]) + self.policy_bias[head]
         value = project(self.value_kernel[head]) + self.value_bias[head]
         return Outputs(logits, value[..., 0])
-
-    def _state_half(
-        self, tables: Tables, views: Int32[Array, "groups batch history"]
-    ) -> Float32[Array, "groups batch width"]:
-        """z(s) U + c."""
-        if tables.fusion is not None:
-            return tables.fusion[views[..., 0]]
-        if tables.shared is not None:
-            bias = self.shared.variables["params"]["bias"]
-            shared = sum((tables.shared[j][views[..., j]] for j in range(self.history)), bias)
-        else:
-            assert tables.features is not None
-            shared = self.shared(tables.features[views].reshape(*views.shape[:-1], -1))
-        return self.fusion_state(nn.relu(shared))

@@ -17,8 +17,8 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Float32, Int32, PRNGKeyArray
 
 from relm_irl_jax.agents.rollout import EpisodeSums, NavigationTask, Workers, rollout, sample_action
-from relm_irl_jax.agents.siamese.forward import passes_by_frames, passes_by_pairs
-from relm_irl_jax.agents.siamese.loss import LossWeights, Step, actor_critic_loss, next_values
+from relm_irl_jax.agents.siamese.forward import Evaluation, passes_by_frames, passes_by_pairs
+from relm_irl_jax.agents.siamese.loss import LossWeights, actor_critic_loss, next_values
 from relm_irl_jax.agents.siamese.network import SiameseActorCritic
 from relm_irl_jax.agents.siamese.state_target_pairs import StateTargetPairs
 from relm_irl_jax.types import NO_MEMORY, Memory, Observation, Parameters
@@ -198,17 +198,19 @@ def update(state: TrainState, inputs: UpdateInputs, form: UpdateForm) -> tuple[T
     else:
         forward, backward = passes_by_pairs(network, state.parameters, task.world, task.targets, inputs.pairs)
 
-    def act(key: PRNGKeyArray, memory: Memory, observation: Observation, target: Array) -> tuple[Memory, Array, Step]:
+    def act(
+        key: PRNGKeyArray, memory: Memory, observation: Observation, target: Array
+    ) -> tuple[Memory, Array, Evaluation]:
         memory, views = observe_views(memory, observation)
-        outputs = forward(views, target)
-        return memory, sample_action(key, outputs.logits), Step(outputs, views)
+        evaluation = forward(views, target)
+        return memory, sample_action(key, evaluation.outputs.logits), evaluation
 
     memory = initial_memory(shape, network.history)
     workers, experience, sums = rollout(rollout_key, act, state.workers, task, memory, form.t_max)
-    next_value = next_values(lambda views, target: forward(views, target).value, experience)
+    next_value = next_values(lambda views, target: forward(views, target).outputs.value, experience)
     grad_outputs = jax.grad(actor_critic_loss)(
         experience.output.outputs, next_value, experience, inputs.loss, form.reduce
     )
-    gradient = backward(experience.output.views, experience.target, grad_outputs)
+    gradient = backward(experience.output, grad_outputs)
     parameters, optimizer = apply_gradient(form, inputs.optimizer, gradient, state.optimizer, state.parameters)
     return TrainState(parameters, optimizer, workers, key), sums

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from relm_irl_jax.agents.rollout import Experience
-from relm_irl_jax.agents.siamese.loss import LossWeights, Step, actor_critic_loss, n_step_returns, next_values
+from relm_irl_jax.agents.siamese.forward import Evaluation
+from relm_irl_jax.agents.siamese.loss import LossWeights, actor_critic_loss, n_step_returns, next_values
 from relm_irl_jax.agents.siamese.network import Outputs
 
 
@@ -46,7 +47,7 @@ def test_loss_equals_a_hand_written_loop():
         next_state=column(next_state, jnp.int32),
         terminated=column([False, False, True, False], bool),
         truncated=column([False, True, False, False], bool),
-        output=Step(outputs, views),
+        output=Evaluation(outputs, views, column([0, 0, 0, 0], jnp.int32), None),
     )
     next_value = next_values(lambda v, t: jnp.asarray(value, jnp.float32)[v[..., 0], v[..., 1]], experience)
     weights = LossWeights(jnp.float32(0.9), jnp.float32(0.5), jnp.float32(0.1), jnp.float32(2.0))

@@ -76,9 +76,9 @@ def test_every_form_computes_the_network_and_its_gradient(form, history, observe
             frames = 1000 if form == "tables" else 12
             forward, backward = passes_by_frames(network, parameters, WORLD, targets, frames)
         steps = [forward(views[t], target[t]) for t in range(2)]
-        outputs = jax.tree.map(lambda *x: jnp.stack(x), *steps)
-        gradient = backward(views, target, Outputs(jnp.cos(outputs.logits), -jnp.sin(outputs.value)))
-        return outputs, gradient
+        evaluated = jax.tree.map(lambda *x: jnp.stack(x), *steps)
+        outputs = evaluated.outputs
+        return outputs, backward(evaluated, Outputs(jnp.cos(outputs.logits), -jnp.sin(outputs.value)))
 
     outputs, gradient = outputs_and_gradient(parameters)
     logits, value = plain(parameters, history, observe_reward)

@@ -23,7 +23,7 @@ def prepared():
     return settings, *prepare_training(jax.random.key(1), problem(cap=13), settings)
 
 
-def test_an_update_through_pairs_is_one_through_frames(prepared):
+def test_an_update_by_pairs_is_one_by_frames(prepared):
     """The same steps, and the same parameters up to rounding."""
     _, state, inputs, form = prepared
     assert inputs.pairs is not None
