@@ -40,7 +40,7 @@ def first_fault(error: ValidationError, settings: Any = None) -> str:
 
 
 def _suggestion(path: tuple[str, ...], settings: Any) -> str:
-    """What to write instead of an unknown field: the closest name of its group, or all names of the group."""
+    """Suggestion for an unknown field: the closest name of its group, or all names of the group."""
     group = reduce(lambda group, name: getattr(group, name, None), path[:-1], settings)
     if not is_dataclass(group):
         return ""

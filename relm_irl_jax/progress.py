@@ -34,7 +34,7 @@ def progress_bar(description: str, total: int, unit: str) -> Iterator[Callable[[
     """Show a bar while the block runs.
 
     Args:
-        description: what is being done, for example `rendering bathroom-0`.
+        description: label of the bar, for example `rendering bathroom-0`.
         total: number of units in total.
         unit: plural name of the unit, for example `views`.
 

@@ -42,7 +42,7 @@ Requirement = Literal["goals", "demonstrations"]
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Observation:
-    """What an agent observes before it acts.
+    """An agent's observation before an action.
 
     Attributes:
         view: row of the observed view in the world's table of views. It is only a key into tables computed from views:
@@ -99,7 +99,7 @@ class Demonstrations:
 
 @dataclass(frozen=True)
 class TrainingProblem:
-    """What an agent learns, for one method and seed.
+    """A learning problem, for one method and seed.
 
     Attributes:
         world: the training scenes.

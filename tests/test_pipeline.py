@@ -95,7 +95,7 @@ def test_an_agent_can_be_watched(first, folder):
             assert shown == FRAME_MILLISECONDS * (steps + 4)
             assert picture.size == (3 * 32, 32)
         assert steps >= shortest > 0
-        assert ("not found" in outcome) == (steps == 100)
+        assert ("not reached" in outcome) == (steps == 100)
 
 
 def test_a_run_is_continued_with_another_method(first, folder):
@@ -147,7 +147,7 @@ def test_the_command_starts_as_a_process_of_its_own(tmp_path):
         (("train", "--resume", "empty"), "contains no config.json"),
         (("train", "--resume", "one", "--frames", "7"), "one contains agents trained with frames = 1536, not 7"),
         (("train", "--resume"), "--resume: the folder is missing"),
-        (("train", "--resume", "one", "--config", str(EXPERIMENT)), "the run brings its own configuration"),
+        (("train", "--resume", "one", "--config", str(EXPERIMENT)), "the run already has a configuration"),
     ],
 )
 def test_bad_input_is_one_sentence_and_exit_code_2(first, folder, arguments, sentence):

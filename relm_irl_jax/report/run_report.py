@@ -30,7 +30,9 @@ from relm_irl_jax.report.run_settings import RunSettings, load_run_settings
 from relm_irl_jax.report.tables import markdown_table, quality_table, table_columns
 from relm_irl_jax.results import load_all_results
 from relm_irl_jax.run_folder import RunFolder
-from relm_irl_jax.scenes.selection import ROOMS
+
+BUILT_IN = "rooms"
+"""Value of the setting `scenes` for the built-in rooms, repeated here so that the report imports no scene sources."""
 
 
 def write_report(folder: RunFolder) -> Path:
@@ -108,7 +110,7 @@ def circumstances(folder: RunFolder, heading: str) -> list[str]:
     """
     settings = load_run_settings(folder)
     cap = next(iter(load_all_results(folder).values())).cap
-    scenes = "Procedural rooms" if settings.scenes == ROOMS else f"Scenes of `{settings.scenes}`"
+    scenes = "Procedural rooms" if settings.scenes == BUILT_IN else f"Scenes of `{settings.scenes}`"
     return [
         f"{heading} Where this differs from the paper",
         "",

@@ -92,7 +92,7 @@ def test_a_task_of_a_run(monkeypatch):
     monkeypatch.setattr(keyboard, "draw_split", lambda *_: split)
     scene, targets = keyboard.scene_and_targets_of_run(Config(), "I", 0, None)
     assert (scene.name, targets) == ("bedroom-0", [7])
-    with pytest.raises(InputError, match="no targets in bathroom-0; it has some in bedroom-0"):
+    with pytest.raises(InputError, match="no targets in bathroom-0; give one of bedroom-0"):
         keyboard.scene_and_targets_of_run(Config(), "I", 0, "bathroom-0")
 
 

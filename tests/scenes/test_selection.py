@@ -36,7 +36,7 @@ def test_a_folder_may_hold_fewer_scenes(folder):
 
 
 def test_no_scene_left_for_task_iii_is_refused(folder):
-    with pytest.raises(InputError, match=r"all 4 scenes of type bathroom in .* are trained"):
+    with pytest.raises(InputError, match=r"all 4 scenes of type bathroom in .* are training scenes"):
         unseen_scenes(folder, SceneSettings(training_per_type=4))
 
 

@@ -48,6 +48,7 @@ def test_every_variant_changes_its_base():
         *(f"{name}.toml" for name in RUN_TITLES),
         "quick.toml",
         "ablation.toml",
+        "irl-methods.toml",
     }
     for changes in ({}, read_fields(PRESETS / "quick.toml")):
         base = variant_config(ablation, BASE, "siamese", changes, Path("x"))

@@ -27,7 +27,7 @@ class LossWeights:
     """Numbers of the loss, see `relm_irl_jax.agents.settings.MetricSettings`.
 
     Attributes:
-        target_share: share of goals drawn from the training targets alone.
+        target_share: share of the drawn goals that are training targets.
         policy: c_policy.
         successor: c_successor.
         tolerance: largest difference between costs to go that count as equal, in mean steps.
@@ -75,7 +75,7 @@ class Losses:
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class LossInputs:
-    """What the loss looks up.
+    """The inputs of the loss.
 
     Attributes:
         scenes: states of each scene.
@@ -160,7 +160,7 @@ def regression_targets(
     Float32[Array, "scenes states 4 goals"],
     Float32[Array, "scenes states 4 goals"],
 ]:
-    """What the experience graph says about drawn states and goals.
+    """Costs to go for drawn states and goals, from the experience graph.
 
     Args:
         local: drawn states of each scene.

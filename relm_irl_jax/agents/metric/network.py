@@ -1,7 +1,7 @@
 """The metric agent's network: an embedding of views whose distances are the number of steps between them.
 
     h(x)  = ReLU(ReLU(x W + b) V + c)
-    ψ(x)  = h(x) P                        embedding of a view, of current and target views alike
+    ψ(x)  = h(x) P                        embedding of a current view or a target view
     F(x)_a = ψ(x) + h(x) M_a              successor embedding: the predicted embedding after action a
     D(x, g) = mean_k ‖ψ_k(x) − ψ_k(g)‖₂   over equal parts ψ_k of the embedding
 

@@ -136,8 +136,8 @@ def test_strict_goals_leave_out_every_evaluation_target():
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
-        ({"groups": 3}, r"metric\.groups: 3 equal parts of 16 dimensions"),
-        ({"workers": 1}, r"metric\.workers: 1 workers cannot serve 2 scenes"),
+        ({"groups": 3}, r"metric\.groups: 16 dimensions cannot be divided into 3"),
+        ({"workers": 1}, r"metric\.workers: 1 workers are too few for 2 scenes"),
     ],
 )
 def test_settings_that_cannot_be_used_are_refused(change, sentence):
@@ -153,5 +153,5 @@ def test_settings_that_cannot_be_used_are_refused(change, sentence):
 
 def test_a_step_that_costs_nothing_is_refused():
     scene, split = open_room()
-    with pytest.raises(InputError, match=r"manual\.step: 0\.0 costs nothing"):
+    with pytest.raises(InputError, match=r"manual\.step: 0\.0 is not a cost"):
         manual_goals([scene], split, "strict", ManualSettings(step=0.0))

@@ -81,7 +81,7 @@ def test_pairs_are_for_one_view_and_many_frames():
     ("changes", "cap", "message"),
     [
         ({"t_max": 16}, 10, r"siamese\.t_max: 16 exceeds the cap of 10 steps"),
-        ({"workers": 1}, 50, r"siamese\.workers: 1 workers cannot serve 2 heads"),
+        ({"workers": 1}, 50, r"siamese\.workers: 1 workers are too few for 2 heads"),
     ],
 )
 def test_settings_that_cannot_work_are_refused(changes, cap, message):
