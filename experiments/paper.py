@@ -84,7 +84,7 @@ def main(settings: Paper) -> Path:
     names = settings.variants or [n for n, v in ablation.variants.items() if v.quick or not settings.quick]
     unknown = [name for name in names if name not in ablation.variants]
     if unknown:
-        raise InputError(f"variants: there is no {unknown[0]}; known are {', '.join(ablation.variants)}.")
+        raise InputError(f"variants: there is no {unknown[0]}; known variants: {', '.join(ablation.variants)}.")
     changes = read_fields(QUICK) if settings.quick else {}
     chosen = [name for name in RUN_TITLES if name in settings.pieces]
     with parallel_config(n_jobs=settings.jobs) if settings.jobs > 1 else nullcontext():

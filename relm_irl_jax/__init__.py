@@ -5,6 +5,6 @@ from importlib.metadata import version
 from relm_irl_jax.registration import register_environments
 
 __version__ = version("relm-irl-jax")
-"""The version that pyproject.toml names."""
+"""Version of the installed package."""
 
 register_environments()

@@ -1,7 +1,7 @@
-"""Checkpoints: a training's whole state on disk, from which it goes on as if it had not been cut off.
+"""Checkpoints: a training's complete state on disk, from which an interrupted training continues with the same results.
 
-Orbax writes them in the background, each whole or not at all, and keeps the last one. Beside the state lie the rows of
-the learning curve so far and the configuration. The final network is kept elsewhere, by `relm_irl_jax.parameters`.
+Orbax writes them atomically in the background, and keeps the last one. A checkpoint also contains the rows of the
+learning curve so far and the configuration. `relm_irl_jax.parameters` saves the final network.
 """
 
 import logging
@@ -21,59 +21,59 @@ from relm_irl_jax.config import Config, config_from_dict, config_to_dict, traine
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.types import Row, State
 
-LATE = ("Event loop is closed", "Encountered error while reading")
-"""What reads of a damaged checkpoint say that end once Orbax has given up; not worth a traceback."""
+LATE_ERRORS = ("Event loop is closed", "Encountered error while reading")
+"""Messages of errors in background reads of a damaged checkpoint, whose tracebacks are suppressed."""
 
 
 class Checkpoints:
-    """The checkpoints of one training, in a folder of their own; to be used in a `with` statement.
+    """The checkpoints of one training, in a separate folder; a context manager.
 
     Args:
-        path: the folder; it appears with the first checkpoint.
+        path: the folder, which is created with the first checkpoint.
         config: the configuration as run.
     """
 
     def __init__(self, path: Path, config: Config):
         self.path, self.config = path, config
-        self._opened: Any = None
+        self._open_manager: Any = None
 
     def __enter__(self) -> "Checkpoints":
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Wait for what is being written."""
-        if self._opened is not None:
-            self._opened.close()
-            self._opened = None
+        """Wait until the last checkpoint is written."""
+        if self._open_manager is not None:
+            self._open_manager.close()
+            self._open_manager = None
 
     def save(self, state: State, rows: list[Row]) -> None:
-        """Keep a state, and forget the one before it. Returns once the arrays are copied; the rest is written later.
+        """Save a state in place of the previous one. Returns when the arrays are copied; writing continues later.
 
         Args:
-            state: everything that the training carries on.
-            rows: of all chunks so far.
+            state: the state of the training.
+            rows: the rows of all chunks so far.
         """
         args = _orbax().args
         self._manager().save(
             len(rows),
             args=args.Composite(
                 state=args.StandardSave(_leaves(state)),
-                rows=args.JsonSave(list(rows)),  # a copy, since the caller's list grows while this is written
+                rows=args.JsonSave(list(rows)),  # a copy, since the caller appends to the list during writing
                 config=args.JsonSave(config_to_dict(self.config)),
             ),
         )
 
     def restore(self, like: State) -> tuple[State, list[Row]] | None:
-        """Read the last state kept.
+        """Read the last saved state.
 
         Args:
             like: the state before the first chunk, which gives structure, shapes, dtypes and devices.
 
         Returns:
-            The state and the rows of all chunks up to it; None where nothing was kept.
+            The state and the rows of all chunks up to it; None if there is no checkpoint.
 
         Raises:
-            InputError: what was kept is damaged, or belongs to another configuration.
+            InputError: the checkpoint is damaged, or belongs to another configuration.
         """
         if not self.path.exists():
             return None
@@ -84,40 +84,40 @@ class Checkpoints:
             step = self._manager().latest_step()
             if step is None:
                 return None
-            sys.unraisablehook = lambda found: None if str(found.exc_value).startswith(LATE) else hook(found)
-            found = self._manager().restore(
+            sys.unraisablehook = lambda error: None if str(error.exc_value).startswith(LATE_ERRORS) else hook(error)
+            restored = self._manager().restore(
                 step,
                 args=args.Composite(
                     state=args.StandardRestore(form), rows=args.JsonRestore(), config=args.JsonRestore()
                 ),
             )
-            before = config_from_dict(found.config, str(self.path))
-        except Exception as error:  # whatever it is that reading damaged files meets
+            saved_config = config_from_dict(restored.config, str(self.path))
+        except Exception as error:  # damaged files cause many kinds of exceptions
             reason = shorten(str(error) or type(error).__name__, 60, placeholder=" …")
-            # What was left half read complains later still, whenever it is collected: the filter stays.
+            # The filter stays: unfinished reads raise further errors when they are garbage-collected.
             raise InputError(f"{self.path}: the checkpoint cannot be read ({reason}).") from error
         sys.unraisablehook = hook
-        if trained_part(before) != trained_part(self.config):
-            raise InputError(f"{self.path}: the checkpoint is of another configuration.")
-        return _state(like, found.state), found.rows
+        if trained_part(saved_config) != trained_part(self.config):
+            raise InputError(f"{self.path}: the checkpoint belongs to another configuration.")
+        return _state(like, restored.state), restored.rows
 
     def remove(self) -> None:
-        """Remove the folder, and the one around it where it is empty then."""
+        """Remove the folder, and its parent folder if that is then empty."""
         self.__exit__()
         rmtree(self.path, ignore_errors=True)
         with suppress(OSError):
             self.path.parent.rmdir()
 
     def _manager(self) -> Any:
-        if self._opened is None:
+        if self._open_manager is None:
             options = _orbax().CheckpointManagerOptions(max_to_keep=1)
-            self._opened = _orbax().CheckpointManager(self.path.absolute(), options=options)
-        return self._opened
+            self._open_manager = _orbax().CheckpointManager(self.path.absolute(), options=options)
+        return self._open_manager
 
 
 def _orbax() -> Any:
-    """Orbax, which takes a while to import and is needed by trainings alone."""
-    # It warns where a disk is slow; a training only waits then.
+    """Import Orbax, which is slow and only needed by trainings."""
+    # Suppresses warnings about slow disks.
     logging.getLogger("absl").setLevel(logging.ERROR)
     return import_module("orbax.checkpoint")
 
@@ -127,12 +127,12 @@ def _is_key(array: jax.Array) -> bool:
 
 
 def _leaves(state: Any) -> list[jax.Array]:
-    """The arrays of a state, random keys as the numbers that they consist of."""
+    """The arrays of a state; random keys as integer arrays."""
     return [jax.random.key_data(x) if _is_key(x) else x for x in jax.tree.leaves(state)]
 
 
 def _state(like: Any, leaves: list[jax.Array]) -> Any:
-    """Reverse `_leaves`. Arrays that were tied to no device are so again, so that no program is compiled twice."""
+    """Reverse `_leaves`. Arrays are committed to a device only if those of `like` are, which avoids recompilation."""
 
     def restored(old: jax.Array, new: jax.Array) -> jax.Array:
         new = new if old.committed else jnp.asarray(np.asarray(new))

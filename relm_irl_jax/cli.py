@@ -17,7 +17,7 @@ from relm_irl_jax.config import Config, Method, Task, load_config
 from relm_irl_jax.errors import InputError, first_fault
 from relm_irl_jax.pipeline import evaluate_run, run
 from relm_irl_jax.play.animation import play as play_run
-from relm_irl_jax.play.keyboard import any_task, draw_episode, play_in_terminal, task_of_run
+from relm_irl_jax.play.keyboard import draw_episode, play_in_terminal, scene_and_targets, scene_and_targets_of_run
 from relm_irl_jax.report.run_report import write_report
 from relm_irl_jax.report.tables import console_table
 from relm_irl_jax.results import Results, load_results
@@ -54,25 +54,25 @@ class Report:
 
 @dataclass(frozen=True)
 class Play:
-    """Watch an agent: one episode in each scene, as a GIF in the run folder. Or walk yourself, by keyboard."""
+    """Save animations of an agent (GIF files in the run folder), or navigate by keyboard."""
 
     run: tyro.conf.Positional[Path | None] = None
-    """Run folder; without one you walk."""
+    """Run folder; without it, you navigate by keyboard."""
     method: Method = "relm-irl"
-    """Whose agent."""
+    """Method that trained the agent."""
     task: Task = "I"
-    """Task whose targets are sought."""
+    """Task, which determines scenes and targets."""
     seed: NonNegativeInt = 0
     """Seed of the agent."""
     episode: NonNegativeInt = 0
-    """Number of the episode; another one draws another start and target."""
+    """Number of the episode, which determines start and target."""
     keyboard: bool = False
-    """Walk to a target of the task yourself, in the terminal."""
+    """Navigate to a target of the task by keyboard."""
     scene: str | None = None
-    """Scene to walk in: one of the run, its first by default; without a run a scene file or a built-in room, by default
-    bathroom-0."""
+    """Scene for navigation by keyboard: with a run, the name of one of its scenes (default: the first); without a run,
+    a scene file or a built-in room (default: bathroom-0)."""
     target: str | None = None
-    """Category of objects to walk to, without a run; by default any."""
+    """Category of the target object for navigation without a run; by default a random one."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class Generate:
     """Generate built-in rooms as scene files in the THOR v1 format."""
 
     out: Path
-    """Folder for the files."""
+    """Output folder."""
     room_types: tuple[Literal["bathroom", "bedroom", "living_room"], ...] = ROOM_TYPES
     """Room types."""
     count: PositiveInt = 1
@@ -88,14 +88,14 @@ class Generate:
     first: NonNegativeInt = 0
     """Number of the first room of each type."""
     size: Literal["full", "tiny"] = "full"
-    """The original scenes' state counts, or a dozen places."""
+    """The original scenes' state counts (full), or 12 to 20 places (tiny)."""
     image_size: PositiveInt = 224
     """Rows and columns of a view."""
 
 
 @dataclass(frozen=True)
 class Check:
-    """Check scene files for everything that training relies on."""
+    """Check that scene files are consistent and usable for training."""
 
     files: tyro.conf.Positional[tuple[Path, ...]]
     """Scene files, or folders of them."""
@@ -103,26 +103,26 @@ class Check:
 
 @dataclass(frozen=True)
 class ExportVizdoom:
-    """Record maps of ViZDoom; Freedoom's come with it (pip install vizdoom)."""
+    """Record maps of ViZDoom, which includes Freedoom's maps (pip install vizdoom)."""
 
     out: Path
-    """Folder for the files. Files that exist are kept; a record that was cut off goes on."""
+    """Output folder. Existing files are kept; an interrupted recording continues."""
     maps: tuple[str, ...]
     """Maps: map01 to map32, or e1m1 to e4m9."""
     settings: Annotated[VizdoomSettings, tyro.conf.arg(name="")] = VizdoomSettings()
-    """What is recorded."""
+    """States and views."""
 
 
 @dataclass(frozen=True)
 class ExportThor:
-    """Record scenes of AI2-THOR, live (pip install ai2thor)."""
+    """Record scenes of AI2-THOR (pip install ai2thor)."""
 
     out: Path
-    """Folder for the files. Files that exist are kept; a record that was cut off goes on."""
+    """Output folder. Existing files are kept; an interrupted recording continues."""
     scenes: tuple[str, ...]
     """iTHOR scenes, such as FloorPlan401, or JSON files of ProcTHOR houses."""
     settings: Annotated[ThorSettings, tyro.conf.arg(name="")] = ThorSettings()
-    """What is recorded."""
+    """Views."""
 
 
 RecordedVizdoom = Annotated[ExportVizdoom, tyro.conf.subcommand("vizdoom", prefix_name=False)]
@@ -131,7 +131,7 @@ RecordedThor = Annotated[ExportThor, tyro.conf.subcommand("thor", prefix_name=Fa
 
 @dataclass(frozen=True)
 class Export:
-    """Record scenes of another engine in the THOR v1 format."""
+    """Record scenes of another simulator as scene files in the THOR v1 format."""
 
     engine: Annotated[RecordedVizdoom | RecordedThor, tyro.conf.arg(name="")]
 
@@ -143,35 +143,34 @@ Exported = Annotated[Export, tyro.conf.subcommand("export", prefix_name=False)]
 
 @dataclass(frozen=True)
 class Bench:
-    """Measure speed on this machine."""
+    """Measure speed on this computer."""
 
     name: tyro.conf.Positional[Literal["agent", "scaling", "elm", "irl", "encoder"]]
-    """What to measure."""
+    """The benchmark."""
     out: Path = Path("runs/bench")
-    """Folder in which each benchmark has one of its own, for its table, figure and numbers; that of the encoder is only
-    printed."""
+    """Output folder, with a sub-folder for each benchmark. The encoder's benchmark writes no files."""
 
 
 def main() -> None:
-    """Run the command; exit with code 2 and one sentence where the input cannot be used."""
+    """Run the command; for unusable input, print one sentence and exit with code 2."""
     if sys.argv[1:] == ["--version"]:
         print(f"relm-irl-jax {__version__}")
         return
     try:
         _dispatch(sys.argv[1:])
     except InputError as error:
-        _refuse(str(error))
+        _exit_with_error(str(error))
     except ValidationError as error:
-        _refuse(first_fault(error))
+        _exit_with_error(first_fault(error))
 
 
-def _refuse(sentence: str) -> None:
-    print(f"relm-irl: {sentence}", file=sys.stderr)
+def _exit_with_error(message: str) -> None:
+    print(f"relm-irl: {message}", file=sys.stderr)
     sys.exit(2)
 
 
 def _dispatch(arguments: list[str]) -> None:
-    """Parse the sub-command and call it."""
+    """Parse and run the sub-command."""
     app = tyro.extras.SubcommandApp()
     default, arguments = _default_config(arguments)
 
@@ -179,9 +178,9 @@ def _dispatch(arguments: list[str]) -> None:
     def train(config: Annotated[Config, tyro.conf.arg(name="")] = default) -> None:
         """Train agents and evaluate them on a task.
 
-        `--config FILE` reads other defaults from a TOML file, `--resume RUN` continues a run with the configuration
-        that its folder holds. What the folder already holds is not trained again, and a training that was cut off goes
-        on from its last checkpoint.
+        `--config FILE` reads other defaults from a TOML file. `--resume RUN` continues a run with the configuration in
+        its folder. Agents that are already trained are not trained again, and an interrupted training continues from
+        its last checkpoint.
         """
         folder = run(config)
         _show(load_results(folder), folder.path)
@@ -202,10 +201,10 @@ def _dispatch(arguments: list[str]) -> None:
 
     @app.command
     def play(command: Annotated[Play, tyro.conf.arg(name="")]) -> None:
-        """Watch an agent: one episode in each scene, as a GIF in the run folder. Or walk yourself, by keyboard."""
+        """Save animations of an agent (GIF files in the run folder), or navigate by keyboard."""
         console = Console()
         if command.keyboard or command.run is None:
-            _walk(command, console)
+            _play_by_keyboard(command, console)
             return
         folder, config = find_run(command.run)
         choice = AgentChoice(command.method, command.task, command.seed)
@@ -214,7 +213,7 @@ def _dispatch(arguments: list[str]) -> None:
 
     @app.command
     def scenes(command: Annotated[Generated | Checked | Exported, tyro.conf.arg(name="")]) -> None:
-        """Generate built-in rooms as scene files, record scenes of other engines, or check scene files."""
+        """Generate built-in rooms as scene files, record scenes of other simulators, or check scene files."""
         if isinstance(command, Generate):
             _generate(command)
         elif isinstance(command, Export):
@@ -224,7 +223,7 @@ def _dispatch(arguments: list[str]) -> None:
 
     @app.command
     def bench(command: Annotated[Bench, tyro.conf.arg(name="")]) -> None:
-        """Measure speed on this machine."""
+        """Measure speed on this computer."""
         _bench(command)
 
     app.cli(
@@ -234,19 +233,20 @@ def _dispatch(arguments: list[str]) -> None:
     )
 
 
-def _walk(command: Play, console: Console) -> None:
+def _play_by_keyboard(command: Play, console: Console) -> None:
     if command.run is None:
-        scene, targets = any_task(command.scene or "bathroom-0", command.target)
+        scene, targets = scene_and_targets(command.scene or "bathroom-0", command.target)
     else:
-        scene, targets = task_of_run(find_run(command.run)[1], command.task, command.seed, command.scene)
+        scene, targets = scene_and_targets_of_run(find_run(command.run)[1], command.task, command.seed, command.scene)
     start, target = draw_episode(scene, targets, command.seed, command.episode)
-    walk = play_in_terminal(scene, start, target, console)
-    console.print(f"{scene.name}: {_outcome(walk)}", highlight=False, soft_wrap=True)
+    path = play_in_terminal(scene, start, target, console)
+    console.print(f"{scene.name}: {_outcome(path)}", highlight=False, soft_wrap=True)
 
 
 def _outcome(path: EpisodePath) -> str:
     steps = len(path.states) - 1
-    return f"{'found after' if path.success else 'not found in'} {steps} steps, shortest path {path.shortest}"
+    outcome = "reached after" if path.success else "not reached in"
+    return f"target {outcome} {steps} steps; shortest path: {path.shortest}"
 
 
 def _generate(command: Generate) -> None:
@@ -261,7 +261,7 @@ def _export(command: ExportVizdoom | ExportThor) -> None:
         openers = vizdoom_maps(command.maps, command.settings)
     else:
         openers = thor_scenes(command.scenes, command.settings)
-    # Engines outlive a process that is terminated without stopping them.
+    # Simulators continue to run if this process is terminated without stopping them.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     Console().print(export_table(list(export_scenes(openers, command.out))))
 
@@ -269,10 +269,10 @@ def _export(command: ExportVizdoom | ExportThor) -> None:
 def _check(command: Check) -> None:
     paths = [file for path in command.files for file in (scene_files(path) if path.is_dir() else [path])]
     if not paths:
-        raise InputError("scenes check: no scene files; give HDF5 files or folders that hold some.")
+        raise InputError("scenes check: there are no scene files; give HDF5 files or folders that contain some.")
     checked = check_files(paths)
     Console().print(check_table(checked))
-    faults = [fault for record in checked for fault in record.faults]
+    faults = [fault for result in checked for fault in result.faults]
     if faults:
         raise InputError("\n".join(faults))
 
@@ -283,27 +283,27 @@ def _bench(command: Bench) -> None:
 
 
 def _default_config(arguments: list[str]) -> tuple[Config, list[str]]:
-    """Take `--config FILE` or `--resume RUN` out of a training's arguments and read the defaults that it sets."""
+    """Remove `--config FILE` or `--resume RUN` from the arguments of `train`, and read the configuration."""
     if arguments[:1] != ["train"]:
         return Config(), arguments
-    file, arguments = _take(arguments, "--config", "file", "a TOML file")
-    run, arguments = _take(arguments, "--resume", "folder", "the folder of a run made by `relm-irl train`")
+    file, arguments = _pop_option(arguments, "--config", "file", "a TOML file")
+    run, arguments = _pop_option(arguments, "--resume", "folder", "the folder of a run made by `relm-irl train`")
     if file and run:
-        raise InputError("--resume: the run brings its own configuration; leave out --config.")
+        raise InputError("--resume: the run already has a configuration; leave out --config.")
     if run:
         folder, config = find_run(Path(run))
         return replace(config, run=folder.path), arguments
     return load_config(Path(file)) if file else Config(), arguments
 
 
-def _take(arguments: list[str], option: str, kind: str, remedy: str) -> tuple[str | None, list[str]]:
-    """Take an option and its value out of the arguments."""
+def _pop_option(arguments: list[str], option: str, kind: str, remedy: str) -> tuple[str | None, list[str]]:
+    """Remove an option and its value from the arguments."""
     if option not in arguments:
         return None, arguments
-    place = arguments.index(option)
-    if place + 1 == len(arguments):
+    position = arguments.index(option)
+    if position + 1 == len(arguments):
         raise InputError(f"{option}: the {kind} is missing; give {remedy}.")
-    return arguments[place + 1], arguments[:place] + arguments[place + 2 :]
+    return arguments[position + 1], arguments[:position] + arguments[position + 2 :]
 
 
 def _show(results: Results, folder: Path) -> None:

@@ -1,8 +1,8 @@
 """Several processes that train one agent together, on one host or on many.
 
-Every process runs the same command and computes the same up to the training, which their devices share: each steps
-its part of the workers, and gradients are averaged over all. Files are the same in every process, so the run folder
-may be shared or not.
+All processes run the same command and perform the same computations, except for the training, in which each device
+steps a part of the workers and gradients are averaged over all devices. All processes write the same files, so they may
+share the run folder or not.
 """
 
 from typing import Annotated
@@ -17,7 +17,7 @@ from relm_irl_jax.errors import InputError
 
 @dataclass(frozen=True)
 class ClusterSettings:
-    """Where the other processes are."""
+    """The processes of a distributed training."""
 
     coordinator: str = ""
     """Address and port of process 0, such as 10.0.0.1:1234; empty for a single process."""
@@ -28,23 +28,25 @@ class ClusterSettings:
 
 
 def join(settings: ClusterSettings) -> None:
-    """Meet the other processes; does nothing for a single one. To be called before anything is computed.
+    """Connect to the other processes, if there are any. Must be called before any JAX computation.
 
     Args:
-        settings: where they are.
+        settings: the processes.
 
     Raises:
-        InputError: the settings contradict each other, or the others cannot be met.
+        InputError: the settings contradict each other, or the connection fails.
     """
     if settings.processes == 1 and not settings.coordinator:
         return
     if not settings.coordinator:
         raise InputError("cluster.coordinator: several processes need the address of process 0; give HOST:PORT.")
     if settings.process >= settings.processes:
-        raise InputError(f"cluster.process: {settings.process} of {settings.processes} processes does not exist.")
+        raise InputError(
+            f"cluster.process: {settings.process} is out of range; give a number from 0 to {settings.processes - 1}."
+        )
     try:
         jax.distributed.initialize(settings.coordinator, settings.processes, settings.process)
     except (RuntimeError, ValueError) as error:
-        raise InputError(f"cluster.coordinator: {settings.coordinator} cannot be met ({error}).") from error
-    # Processes connect at their first exchange, and wait half a minute for each other: now, before any one compiles.
+        raise InputError(f"cluster.coordinator: cannot connect to {settings.coordinator} ({error}).") from error
+    # Devices connect at their first exchange, with a timeout of half a minute: do it now, before compilation.
     multihost_utils.sync_global_devices("joined")

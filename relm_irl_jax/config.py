@@ -29,7 +29,7 @@ PAPER_METHODS: tuple[Method, ...] = ("random", "rl", "irl", "elm-irl", "relm-irl
 """What `all` means: the methods of the paper."""
 
 NOT_TRAINED = ("task", "methods", "seeds", "run", "evaluation", "cluster", "log")
-"""Fields that trained agents do not depend on; the others must agree for a run folder to be continued."""
+"""Fields on which trained agents do not depend; a run can only be continued if all others are unchanged."""
 
 
 @dataclass(frozen=True)
@@ -37,17 +37,17 @@ class Config:
     """One run: scenes, targets, rewards, agents, evaluation."""
 
     task: Task = "II"
-    """Task evaluated after training; training itself does not depend on it."""
+    """Task to evaluate after training; training does not depend on it."""
     methods: tuple[Literal["all", "random", "bc", "rl", "irl", "elm-irl", "relm-irl"], ...] = ("all",)
-    """Methods to train and evaluate: `all` of the paper's, and behaviour cloning, `bc`, where it is named."""
+    """Methods to train and evaluate. `all` means all except behaviour cloning, `bc`, which must be named."""
     scenes: str = ROOMS
     """`rooms` for the built-in scenes, or a folder of HDF5 scene files."""
     seeds: PositiveInt = 1
-    """Number of seeds: 0, 1, ...; each draws its own targets, demonstrations, networks and episodes."""
+    """Number of seeds (0, 1, ...); each has its own targets, demonstrations, networks and episodes."""
     frames: Frames = 5_000_000
     """Training frames for each method and seed."""
     run: Path | None = None
-    """Run folder; by default one under `runs/`, named after the configuration."""
+    """Run folder; by default a folder in `runs/` whose name depends on the configuration."""
     scene: SceneSettings = SceneSettings()
     """Training and unseen scenes."""
     encoder: EncoderSettings = EncoderSettings()
@@ -61,7 +61,7 @@ class Config:
     elm: ElmSettings = ElmSettings()
     """Extreme learning machine."""
     goals: GoalSettings = GoalSettings()
-    """Targets after the fact (hindsight relabelling), for agents that learn from them."""
+    """Goals of hindsight relabelling, for agents that use it."""
     agent: AgentName = "siamese"
     """`siamese` for the paper's actor-critic, `metric` for the agent that learns distances between views."""
     siamese: SiameseSettings = SiameseSettings()
@@ -71,12 +71,12 @@ class Config:
     evaluation: EvaluationSettings = EvaluationSettings()
     """Evaluation."""
     log: LogSettings = LogSettings()
-    """Checkpoints and scalars of trainings that are under way."""
+    """Checkpoints and TensorBoard files of running trainings."""
     cluster: ClusterSettings = ClusterSettings()
     """Other processes that share the siamese agent's training."""
 
     def chosen_methods(self) -> tuple[Method, ...]:
-        """Methods asked for, in the order of the tables."""
+        """Methods to train and evaluate, in the order of the tables."""
         chosen = {*self.methods, *(PAPER_METHODS if "all" in self.methods else ())}
         return tuple(m for m in METHODS if m in chosen)
 
@@ -101,7 +101,7 @@ def config_from_dict(fields: dict[str, Any], origin: str) -> Config:
 
     Args:
         fields: nested dictionaries.
-        origin: file named in errors.
+        origin: name of the source in error messages.
 
     Returns:
         The configuration.
@@ -118,10 +118,10 @@ def overlay(config: Config, changes: Mapping[str, Any], origin: str) -> Config:
     Args:
         config: the configuration.
         changes: nested dictionaries of the fields to change.
-        origin: file named in errors.
+        origin: name of the source in error messages.
 
     Returns:
-        The configuration in which all other fields are as before.
+        The changed configuration.
 
     Raises:
         InputError: a field is unknown or its value is refused.
@@ -133,7 +133,7 @@ def overlay(config: Config, changes: Mapping[str, Any], origin: str) -> Config:
 
 
 def load_config(path: Path) -> Config:
-    """Read a configuration from a TOML file, or from the JSON that a run folder holds.
+    """Read a configuration from a TOML file, or from a run folder's JSON file.
 
     Args:
         path: the file.
@@ -161,14 +161,14 @@ def read_fields(path: Path) -> dict[str, Any]:
     """
     try:
         text = path.read_text()
-        found = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
+        values = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); give an existing file.") from error
     except ValueError as error:
-        raise InputError(f"{path}: is not valid {path.suffix.lstrip('.').upper()} ({error}); mend it.") from error
-    if not isinstance(found, dict):
-        raise InputError(f"{path}: must hold an object of fields; give the configuration of a run.")
-    return found
+        raise InputError(f"{path}: is not valid {path.suffix.lstrip('.').upper()} ({error}); correct it.") from error
+    if not isinstance(values, dict):
+        raise InputError(f"{path}: must contain an object of fields; give the configuration of a run.")
+    return values
 
 
 def trained_part(config: Config) -> dict[str, Any]:
@@ -184,7 +184,7 @@ def trained_part(config: Config) -> dict[str, Any]:
 
 
 def fingerprint(config: Config) -> str:
-    """Eight hexadecimal digits that differ between configurations whose agents differ.
+    """Eight hexadecimal digits of a checksum of the fields on which trained agents depend.
 
     Args:
         config: the configuration.
@@ -203,7 +203,7 @@ def _flat(nested: dict[str, Any], prefix: str) -> dict[str, Any]:
 
 
 def _merged(whole: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, Any]:
-    """Lay changes over nested dictionaries; a field that is not there is added, for the validation to refuse."""
+    """Apply changes to nested dictionaries; unknown fields are added, so that the validation reports them."""
 
     def merged(key: str, value: Any) -> Any:
         old = whole.get(key)

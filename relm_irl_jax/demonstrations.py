@@ -18,7 +18,7 @@ from relm_irl_jax.experts import NO_ACTION, Expert, Trajectory, expert_from_poli
 from relm_irl_jax.scenes.scene import ACTIONS, Scene, successors
 
 DefaultPolicy = Literal["shortest-path", "stay"]
-"""What an expert does where nothing was demonstrated: take a shortest path, or stay for ever."""
+"""An expert's policy in states without a demonstration: take a shortest path, or stay forever."""
 
 
 def load_demonstrations(path: Path, scene: Scene) -> tuple[Trajectory, ...]:
@@ -67,7 +67,7 @@ def from_imitation(trajectory: Any, scene: Scene, name: str = "trajectory") -> T
     Args:
         trajectory: an object with `obs`, whose observations are numbers of states, and `acts`.
         scene: the scene that it was recorded in.
-        name: what errors call it.
+        name: name of the trajectory in error messages.
 
     Returns:
         The demonstration.
@@ -85,13 +85,13 @@ def to_trajectory(states: Sequence[Any], actions: Sequence[Any], scene: Scene, n
         states: numbers of states; the last one is the target.
         actions: numbers or names of the actions between them.
         scene: the scene.
-        name: what errors call the demonstration.
+        name: name of the demonstration in error messages.
 
     Returns:
         The demonstration.
 
     Raises:
-        InputError: the scene does not allow the path; names the demonstration and the step.
+        InputError: the path is impossible in the scene.
     """
     if len(actions) != len(states) - 1 or not actions:
         raise InputError(
@@ -124,7 +124,7 @@ def expert_from_demonstrations(
     trajectories: Sequence[Trajectory],
     default_policy: DefaultPolicy | Int32[np.ndarray, "states"] = "shortest-path",
 ) -> Expert:
-    """The expert that does what was demonstrated, and follows a default policy in all other states.
+    """The expert that takes the demonstrated actions, and follows a default policy in all other states.
 
     If a demonstration visits a state twice, the action of the last visit counts, so that loops are left out. If
     demonstrations disagree, the first one counts. The expert therefore arrives from every demonstrated state.
@@ -153,7 +153,7 @@ def expert_from_demonstrations(
     demonstrated: dict[int, int] = {}
     for trajectory in trajectories:
         # The dict keeps each state's last action; earlier demonstrations take precedence.
-        own = dict(zip(trajectory.states[:-1].tolist(), trajectory.actions.tolist(), strict=True))
-        demonstrated = own | demonstrated
+        action_of_state = dict(zip(trajectory.states[:-1].tolist(), trajectory.actions.tolist(), strict=True))
+        demonstrated = action_of_state | demonstrated
     action[list(demonstrated)] = list(demonstrated.values())
     return expert_from_policy(scene, target, action)

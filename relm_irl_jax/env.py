@@ -1,17 +1,18 @@
-"""The navigation environment: pure functions over a few integer tables.
+"""The navigation environment: pure functions on integer tables.
 
 The Markov decision process of one worker:
 
 - *State*: a pose (place and heading) in one scene. The scenes of a `World` are numbered consecutively, so a state is
   one integer.
-- *Observation*: the view of the current state, and whether the last action collided.
+- *Observation*: the view of the current state, and whether the last action was a collision.
 - *Actions*: the four of `relm_irl_jax.scenes.scene.ACTIONS`; an action that collides leaves the state unchanged.
-- *Episode*: starts in a uniformly drawn state that can reach a uniformly drawn target and differs from it. It is
-  *terminated* when the state is the target and *truncated* after `cap` steps; a step that does both terminates.
+- *Episode*: the target is drawn uniformly; the start is drawn uniformly from the other states that can reach it. The
+  episode is *terminated* when the state is the target, and *truncated* after `cap` steps; if both happen in one step,
+  it is terminated.
 - *Reward*: not part of the environment; see `relm_irl_jax.rewards`.
 
-`reset` works on one worker and is vmapped by its callers (`reset_all`); `step` also takes episodes with leading batch
-axes. All arguments are traced; only shapes are static.
+`reset` works on one worker (`reset_all` is its vmapped form); `step` also takes episodes with leading batch axes. All
+arguments are traced; only shapes are static.
 """
 
 from dataclasses import dataclass
@@ -44,12 +45,12 @@ class TargetRange:
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Episode:
-    """An episode of one worker that is under way.
+    """A running episode of one worker.
 
     Attributes:
         state: current state in the world.
         target: row of `Targets`.
-        start: state at which the episode began.
+        start: first state of the episode.
         steps: actions taken so far.
     """
 
@@ -62,14 +63,14 @@ class Episode:
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Transition:
-    """One step, as reward functions and learners see it.
+    """One environment step, as reward functions and agents receive it.
 
     Attributes:
         state: state before the action.
         action: number of the action.
         next_state: state after the action.
         target: row of `Targets`.
-        start: state at which the episode began.
+        start: first state of the episode.
         terminated: the next state is the target.
         truncated: the step cap is reached and the next state is not the target.
         collided: the action left the state unchanged.
@@ -86,7 +87,7 @@ class Transition:
 
 
 def scene_target_ranges(targets: Targets, n_scenes: int, episodes: int) -> TargetRange:
-    """Target ranges that tie episodes to scenes: each draws from all targets of its scene.
+    """Assign episodes to scenes: each episode draws from all targets of its scene.
 
     Args:
         targets: the targets, in the order of their scenes.
@@ -98,24 +99,21 @@ def scene_target_ranges(targets: Targets, n_scenes: int, episodes: int) -> Targe
     """
     numbers = np.arange(n_scenes)
     scene = np.asarray(targets.scene)
-    spread = lambda values: jnp.asarray(np.repeat(values[:, None], episodes, 1), jnp.int32)  # noqa: E731
-    return TargetRange(
-        first=spread(np.searchsorted(scene, numbers)),
-        count=spread(np.bincount(scene, minlength=n_scenes)),
-    )
+    first, count = np.searchsorted(scene, numbers), np.bincount(scene, minlength=n_scenes)
+    return TargetRange(*(jnp.asarray(np.repeat(values[:, None], episodes, 1), jnp.int32) for values in (first, count)))
 
 
 def reset(key: PRNGKeyArray, targets: Targets, target_range: TargetRange) -> Episode:
     """Start an episode: draw a target, then a start.
 
-    One uniform number decides both: the integer part of its product with the number of targets gives the row, the
-    fractional part the start. With 23 random bits the probability of a (target, start) pair is off by at most
-    `targets · starts / 2**23` of itself, 0.3% for the largest built-in scenes.
+    One uniform number gives both: the integer part of its product with the number of targets is the row, and the
+    fractional part gives the start. With 23 random bits, the relative error of the probability of a (target, start)
+    pair is at most `targets · starts / 2**23`, 0.3% for the largest built-in scenes.
 
     Args:
         key: source of randomness.
         targets: the targets.
-        target_range: rows that may be drawn.
+        target_range: rows from which the target is drawn.
 
     Returns:
         The episode before its first action.
@@ -135,30 +133,30 @@ def reset_all(key: PRNGKeyArray, targets: Targets, target_range: TargetRange) ->
     Args:
         key: source of randomness.
         targets: the targets.
-        target_range: rows that each worker may draw; fields are [groups, batch].
+        target_range: rows from which each worker draws; fields are [groups, batch].
 
     Returns:
         The episodes; fields are [groups, batch].
     """
     keys = jax.random.split(key, target_range.first.shape)
-    return jax.vmap(jax.vmap(lambda k, own: reset(k, targets, own)))(keys, target_range)
+    return jax.vmap(jax.vmap(lambda k, rows: reset(k, targets, rows)))(keys, target_range)
 
 
 def step(
     episode: Episode, action: Int32[Array, "*batch"], world: World, targets: Targets, cap: Int32[Array, ""]
 ) -> tuple[Episode, Transition]:
-    """Take one action, with one worker or with many at once.
+    """Take one action, for one worker or for a batch.
 
     Args:
         episode: the episode before the action.
-        action: number of the action, 0 to 3; its axes are the episode's.
+        action: number of the action, 0 to 3; same axes as the episode.
         world: the scenes.
         targets: the targets.
         cap: number of steps after which an episode is truncated.
 
     Returns:
-        The episode after the action and the transition. After a terminated or truncated transition the caller
-        calls `reset`; the next state stays available in the transition, for bootstrapping.
+        The episode after the action, and the transition. The caller resets the episode after a terminated or truncated
+        transition; the transition's `next_state` then still serves for bootstrapping.
     """
     next_state = world.successor[episode.state, action]
     steps = episode.steps + 1
@@ -177,25 +175,25 @@ def step(
 
 
 def select(condition: Bool[Array, "*batch"], if_true: Tree, if_false: Tree) -> Tree:
-    """`jnp.where` for structures of arrays whose leading axes are the workers'.
+    """`jnp.where` for pytrees of arrays whose leading axes are those of the workers.
 
     Args:
         condition: one value for each worker.
-        if_true: a structure.
-        if_false: another one of the same shapes.
+        if_true: a pytree.
+        if_false: a pytree with the same structure and shapes.
 
     Returns:
-        For each worker the entries of one of them.
+        For each worker, the entries of one of the two.
     """
 
-    def pick(this: Array, other: Array) -> Array:
-        return jnp.where(condition.reshape(condition.shape + (1,) * (this.ndim - condition.ndim)), this, other)
+    def where(x: Array, y: Array) -> Array:
+        return jnp.where(condition.reshape(condition.shape + (1,) * (x.ndim - condition.ndim)), x, y)
 
-    return jax.tree.map(pick, if_true, if_false)
+    return jax.tree.map(where, if_true, if_false)
 
 
 def shortest_path(episode: Episode, world: World, targets: Targets) -> Int32[Array, "*batch"]:
-    """Least number of actions from the episode's start to its target.
+    """Smallest number of actions from the episode's start to its target.
 
     Args:
         episode: the episode.

@@ -1,4 +1,4 @@
-"""Errors whose message is meant for the person at the keyboard."""
+"""Errors whose message is written for the user."""
 
 import difflib
 from dataclasses import fields, is_dataclass
@@ -19,8 +19,8 @@ def first_fault(error: ValidationError, settings: Any = None) -> str:
     """One sentence on the first refused field; unknown fields come first.
 
     Args:
-        error: what the validation found.
-        settings: settings with the known fields, from which a name near an unknown one is suggested.
+        error: the validation error.
+        settings: settings with the known fields; the closest of their names is suggested for an unknown one.
 
     Returns:
         Field, value and reason.
@@ -40,12 +40,10 @@ def first_fault(error: ValidationError, settings: Any = None) -> str:
 
 
 def _suggestion(path: tuple[str, ...], settings: Any) -> str:
-    """What to write in the place of an unknown field: the nearest field of its group, or one of all of them."""
+    """Suggestion for an unknown field: the closest name of its group, or all names of the group."""
     group = reduce(lambda group, name: getattr(group, name, None), path[:-1], settings)
     if not is_dataclass(group):
         return ""
     known = [field.name for field in fields(group)]
     nearest = difflib.get_close_matches(path[-1], known, n=1)
-    return (
-        f"; did you mean `{'.'.join((*path[:-1], *nearest))}`?" if nearest else f"; known here are {', '.join(known)}"
-    )
+    return f"; did you mean `{'.'.join((*path[:-1], *nearest))}`?" if nearest else f"; known fields: {', '.join(known)}"

@@ -22,7 +22,7 @@ class Episodes:
         target: row of `Targets`.
         start: first state.
         length: actions taken.
-        shortest: least number of actions that would have reached the target.
+        shortest: length of a shortest path from the start to the target.
         success: whether the target was reached within the cap.
     """
 
@@ -40,8 +40,8 @@ class Metrics:
     Attributes:
         episodes: number of episodes.
         success_rate: successes / episodes (Equation 35).
-        path_length_error: mean of path length − shortest path over all episodes, a failure counting the cap as its
-            length (Equation 36), in actions.
+        path_length_error: mean of path length − shortest path over all episodes, in actions; the path length of a
+            failed episode is the cap (Equation 36).
         spl: mean of success · shortest / max(length, shortest) (Equation 37).
     """
 
@@ -71,7 +71,7 @@ def compute_metrics(episodes: Episodes, scene: int) -> Metrics:
 
 
 def evaluate(key: PRNGKeyArray, policy: Policy, world: World, targets: Targets, cap: int, episodes: int) -> Episodes:
-    """Run episodes in every scene, start and target drawn uniformly.
+    """Run episodes in every scene, with uniformly drawn starts and targets.
 
     Args:
         key: source of all randomness.
@@ -97,7 +97,7 @@ def _run(
     target_range: TargetRange,
     cap: Int32[Array, ""],
 ) -> Episodes:
-    """Step all agents until each has finished its one episode; one that has finished no longer moves."""
+    """Run one episode for each element of the batch; elements whose episode has ended no longer change."""
     reset_key, step_key = jax.random.split(key)
     shape = target_range.first.shape
     first = env.reset_all(reset_key, targets, target_range)
@@ -106,14 +106,14 @@ def _run(
         episode, memory, collided, success, done, time = carry
         observation = Observation(episode.state, collided)
         memory, action = policy.act(jax.random.fold_in(step_key, time), memory, observation, episode.target)
-        after, transition = env.step(episode, action, world, targets, cap)
-        episode = env.select(done, episode, after)
+        next_episode, transition = env.step(episode, action, world, targets, cap)
+        episode = env.select(done, episode, next_episode)
         success = jnp.where(done, success, transition.terminated)
         done |= transition.terminated | transition.truncated
         return episode, memory, transition.collided, success, done, time + 1
 
-    nothing = jnp.zeros(shape, bool)
-    carry = (first, policy.init(shape), nothing, nothing, nothing, jnp.int32(0))
+    false = jnp.zeros(shape, bool)
+    carry = (first, policy.init(shape), false, false, false, jnp.int32(0))
     episode, _, _, success, _, _ = jax.lax.while_loop(lambda carry: ~carry[4].all(), advance, carry)
     shortest = env.shortest_path(episode, world, targets)
     return Episodes(episode.target, episode.start, episode.steps, shortest, success)
@@ -122,7 +122,7 @@ def _run(
 def trace_episodes(
     key: PRNGKeyArray, policy: Policy, world: World, targets: Targets, cap: int
 ) -> tuple[Int32[np.ndarray, "scenes _"], Int32[np.ndarray, "scenes"]]:
-    """One episode in each scene, with every state on the way.
+    """Run one episode in each scene and return all its states.
 
     Args:
         key: source of all randomness.
@@ -132,7 +132,8 @@ def trace_episodes(
         cap: number of steps.
 
     Returns:
-        States of the world from the start on, also after the target was reached, and the row of each scene's target.
+        World states from the start on, `cap` + 1 for each scene, also those after the target was reached; and the row
+        of each scene's target.
     """
     target_range = scene_target_ranges(targets, world.n_scenes, 1)
     reset_key, key = jax.random.split(key)
@@ -141,8 +142,8 @@ def trace_episodes(
     def advance(carry, key: PRNGKeyArray):
         episode, memory, collided = carry
         memory, action = policy.act(key, memory, Observation(episode.state, collided), episode.target)
-        after, transition = env.step(episode, action, world, targets, jnp.int32(cap))
-        return (after, memory, transition.collided), after.state
+        episode, transition = env.step(episode, action, world, targets, jnp.int32(cap))
+        return (episode, memory, transition.collided), episode.state
 
     shape = target_range.first.shape
     carry = first, policy.init(shape), jnp.zeros(shape, bool)

@@ -18,17 +18,17 @@ NO_ACTION = -1
 
 @dataclass(frozen=True)
 class Expert:
-    """A deterministic policy for one target, and how its actions compare with all others.
+    """A deterministic policy for one target, and a comparison of its actions with all others.
 
-    The target is absorbing: there is no decision, and it leads to itself. The same holds for states from which the
-    policy does not reach the target. From all other states, following `next_state` arrives at the target.
+    The target is absorbing: the expert has no decision there, and its next state is itself. The same holds for states
+    from which the policy does not reach the target. From all other states, following `next_state` reaches the target.
 
     Attributes:
         target: the state where the expert stops.
         action: column of `Scene.graph` that the expert takes, or `NO_ACTION`.
         next_state: state that the action leads to; the state itself if there is no decision.
-        suboptimal: whether an action is strictly worse than the expert's: after it, the expert needs more steps to the
-            target, or cannot reach it any more. An action that needs equally many steps is not suboptimal.
+        suboptimal: whether an action is strictly worse than the expert's: afterwards the expert needs more steps to the
+            target, or cannot reach it. An action after which it needs equally many steps is not suboptimal.
         better: whether an action is strictly better than the expert's; never for a shortest-path expert.
     """
 
@@ -85,10 +85,10 @@ def expert_from_policy(scene: Scene, target: int, action: Int32[np.ndarray, "sta
     Args:
         scene: the scene.
         target: the state to reach; the policy's action there is ignored.
-        action: the policy's action in every state, or `NO_ACTION` to stay for ever.
+        action: the policy's action in every state, or `NO_ACTION` to stay forever.
 
     Returns:
-        The expert. Actions are compared by the number of steps to the target if the same policy follows.
+        The expert. Actions are compared by the number of steps that the policy needs to the target afterwards.
     """
     states = np.arange(scene.n_states, dtype=np.int32)
     following = successors(scene.graph)
@@ -96,14 +96,14 @@ def expert_from_policy(scene: Scene, target: int, action: Int32[np.ndarray, "sta
     next_state = np.where(decides, following[states, np.where(decides, action, 0)], states).astype(np.int32)
     steps = _steps_to(target, next_state)
     decides &= np.isfinite(steps)
-    own = steps[next_state][:, None]
+    expert_steps = steps[next_state][:, None]
     alternatives = steps[following]
     return Expert(
         target=int(target),
         action=np.where(decides, action, NO_ACTION).astype(np.int32),
         next_state=np.where(decides, next_state, states).astype(np.int32),
-        suboptimal=decides[:, None] & (alternatives > own),
-        better=decides[:, None] & (alternatives < own),
+        suboptimal=decides[:, None] & (alternatives > expert_steps),
+        better=decides[:, None] & (alternatives < expert_steps),
     )
 
 
@@ -116,7 +116,7 @@ def shortest_path_trajectories(scene: Scene, target: int, starts: Iterable[int])
         starts: start states. Each must be able to reach the target, and must not be it.
 
     Returns:
-        One trajectory per start, in the order given.
+        One trajectory for each start, in the given order.
 
     Raises:
         InputError: a start or the target is not a state, or a start cannot reach the target or is the target.
@@ -131,7 +131,7 @@ def follow_expert(scene: Scene, expert: Expert, start: int) -> Trajectory:
     """Follow an expert from one start to its target.
 
     Args:
-        scene: the scene, named in errors.
+        scene: the scene, for error messages.
         expert: the expert.
         start: the start state.
 
@@ -165,19 +165,19 @@ def sub_trajectories(
 
     Args:
         trajectories: shortest paths in one scene.
-        excluded: states that must not serve as targets, for example those kept for evaluation.
+        excluded: states that must not serve as targets, for example evaluation targets.
 
     Returns:
         For each further target, in ascending order, the distinct states on the paths that lead to it, ascending.
     """
     not_targets = {int(state) for state in excluded}
-    before: dict[int, set[int]] = {}
+    starts: dict[int, set[int]] = {}
     for trajectory in trajectories:
         states = trajectory.states.tolist()
         for position, end in enumerate(states[1:], start=1):
             if end not in not_targets:
-                before.setdefault(end, set()).update(states[:position])
-    return {end: np.asarray(sorted(before[end]), np.int32) for end in sorted(before)}
+                starts.setdefault(end, set()).update(states[:position])
+    return {end: np.asarray(sorted(starts[end]), np.int32) for end in sorted(starts)}
 
 
 def _steps_to(target: int, next_state: Int32[np.ndarray, "states"]) -> Float64[np.ndarray, "states"]:

@@ -1,4 +1,4 @@
-"""Files of arrays, tables and plain values. Each appears whole or not at all."""
+"""Files of arrays, tables and plain values, written atomically: a reader finds the complete file or none."""
 
 import csv
 import io
@@ -20,7 +20,7 @@ from relm_irl_jax.errors import InputError
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """Write a file beside its place and move it there when the block ends without an error.
+    """Write a temporary file, and rename it to the final path when the block ends without an error.
 
     Args:
         path: the file; its folder is created if missing.
@@ -44,11 +44,11 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 
 def write_bytes(path: Path, content: bytes) -> None:
-    """Write a file that appears whole or not at all.
+    """Write a file atomically.
 
     Args:
         path: the file.
-        content: what it shall hold.
+        content: the file's content.
     """
     with whole_file(path) as temporary:
         temporary.write_bytes(content)
@@ -59,7 +59,7 @@ def write_json(path: Path, value: Any) -> None:
 
     Args:
         path: the file.
-        value: what it shall hold.
+        value: the file's content.
     """
     write_bytes(path, (json.dumps(value, indent=1) + "\n").encode())
 
@@ -85,7 +85,7 @@ def read_table(path: Path) -> dict[str, list[str]]:
         path: the file.
 
     Returns:
-        Texts by column name; empty where the file has no rows.
+        Strings by column name; empty if the file has no rows.
 
     Raises:
         InputError: the file is missing or damaged.
@@ -94,7 +94,7 @@ def read_table(path: Path) -> dict[str, list[str]]:
         with path.open(newline="") as file:
             lines = list(csv.reader(file))
     except FileNotFoundError as error:
-        raise InputError(f"{path} is missing; restore it, or run again what writes it.") from error
+        raise InputError(f"{path} is missing; restore it, or repeat the command that writes it.") from error
     except (OSError, ValueError, csv.Error) as error:
         raise InputError(f"{path}: cannot be read as CSV ({error}); restore it, or remove it.") from error
     names, rows = (lines[0], lines[1:]) if lines else ([], [])
@@ -107,17 +107,17 @@ def read_table(path: Path) -> dict[str, list[str]]:
 
 
 def read_numbers(path: Path, names: Sequence[str]) -> dict[str, Float64[np.ndarray, "rows"]]:
-    """Read columns of numbers of a CSV file.
+    """Read numeric columns of a CSV file.
 
     Args:
         path: the file.
-        names: the columns wanted; the file may hold others.
+        names: the columns to read; the file may have others.
 
     Returns:
-        Numbers by column name, all of one length.
+        Numbers by column name, all of the same length.
 
     Raises:
-        InputError: the file is missing or damaged, or a column is missing or no numbers.
+        InputError: the file is missing or damaged, or a column is missing or not numeric.
     """
     table = read_table(path)
     numbers = {}
@@ -137,7 +137,7 @@ def save_arrays(path: Path, arrays: Mapping[str, np.ndarray], metadata: Mapping[
     Args:
         path: the file.
         arrays: arrays by name.
-        metadata: texts to keep beside them.
+        metadata: strings to store in the same file.
     """
     contiguous = {name: np.ascontiguousarray(value) for name, value in arrays.items()}
     write_bytes(path, save(contiguous, None if metadata is None else dict(metadata)))
@@ -159,13 +159,13 @@ def load_arrays(path: Path) -> dict[str, np.ndarray]:
 
 
 def load_arrays_and_metadata(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str]]:
-    """Read arrays and the texts beside them.
+    """Read arrays and the strings stored with them.
 
     Args:
         path: the file.
 
     Returns:
-        Arrays by name, and texts by name.
+        Arrays by name, and strings by name.
 
     Raises:
         InputError: the file is missing or damaged.
@@ -174,6 +174,8 @@ def load_arrays_and_metadata(path: Path) -> tuple[dict[str, np.ndarray], dict[st
         with safe_open(str(path), framework="numpy") as file:
             return {name: file.get_tensor(name) for name in file.keys()}, dict(file.metadata() or {})  # noqa: SIM118
     except FileNotFoundError as error:
-        raise InputError(f"{path} is missing; restore it, or run again what writes it.") from error
+        raise InputError(f"{path} is missing; restore it, or repeat the command that writes it.") from error
     except (SafetensorError, OSError) as error:
-        raise InputError(f"{path}: cannot be read ({error}); remove it, and run again what writes it.") from error
+        raise InputError(
+            f"{path}: cannot be read ({error}); remove it, and repeat the command that writes it."
+        ) from error

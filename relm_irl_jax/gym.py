@@ -1,14 +1,14 @@
-"""Gymnasium environments: the navigation task for any learner, one agent or many in step.
+"""Gymnasium environments: the navigation task for one agent or many agents in lockstep.
 
-`RelmIrl/Navigation-v0` is the decision process of `relm_irl_jax.env` behind Gymnasium's interface:
+`RelmIrl/Navigation-v0` is the decision process of `relm_irl_jax.env` with Gymnasium's interface:
 
     gymnasium.make("RelmIrl/Navigation-v0", scene="bathroom-0", target="toilet", cap=100)
     gymnasium.make_vec("RelmIrl/Navigation-v0", num_envs=64, scene="bathroom-0")
 
-Actions are the four of `relm_irl_jax.scenes.scene.ACTIONS`. An observation holds the current view and the target's, as
-feature vectors or as frames; with `history` above 1, the last views, the latest first. `info` holds `distance` (actions
-still needed), `shortest` (actions that would have been needed from the start), `steps` and `success`: all that success
-weighted by path length is made of.
+The actions are `relm_irl_jax.scenes.scene.ACTIONS`. An observation contains the current view and the target's view, as
+feature vectors or as frames; with `history` above 1, the last views, the latest first. `info` contains `distance`
+(length of a shortest path from the current state), `shortest` (the same from the start), `steps` and `success`, from
+which success weighted by path length can be computed.
 """
 
 from collections.abc import Sequence
@@ -28,13 +28,13 @@ from gymnasium.vector.utils import batch_space
 from relm_irl_jax import env
 from relm_irl_jax.env import Episode, TargetRange
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.features.cache import encode_cached
+from relm_irl_jax.features.cache import encode_scene
 from relm_irl_jax.features.encoder import N_CALIBRATION_VIEWS, make_encoder
 from relm_irl_jax.features.settings import EncoderSettings
 from relm_irl_jax.rewards.functions import RewardFunction, manual_reward
 from relm_irl_jax.rewards.settings import ManualSettings
 from relm_irl_jax.scenes.objects import best_views
-from relm_irl_jax.scenes.rooms.cache import built_in_room, cache_folder
+from relm_irl_jax.scenes.rooms.cache import built_in_room
 from relm_irl_jax.scenes.scene import ACTIONS, ROOM_TYPES, Scene
 from relm_irl_jax.scenes.scene_file import load_scene
 from relm_irl_jax.tasks import Target
@@ -75,24 +75,24 @@ class _Core:
 
     @cached_property
     def reset(self):
-        """Start an episode for every agent."""
+        """Function that starts an episode for every agent."""
 
         @jax.jit
         def reset(key):
             keys = jax.random.split(key, self.target_range.first.shape)
-            return jax.vmap(lambda k, own: env.reset(k, self.targets, own))(keys, self.target_range)
+            return jax.vmap(lambda k, rows: env.reset(k, self.targets, rows))(keys, self.target_range)
 
         return reset
 
     @cached_property
     def step(self):
-        """Take one action with every agent; an agent whose episode is over starts another one instead."""
+        """Function that takes one action with every agent; agents whose episode has ended start another one instead."""
 
         @jax.jit
         def advance(episode, action, over, key):
-            after, transition = env.step(episode, action, self.world, self.targets, jnp.int32(self.cap))
+            next_episode, transition = env.step(episode, action, self.world, self.targets, jnp.int32(self.cap))
             reward = jax.vmap(lambda t: self.reward(t, self.world, self.targets))(transition)
-            episode = env.select(over, self.reset(key), after)
+            episode = env.select(over, self.reset(key), next_episode)
             return (
                 episode,
                 jnp.where(over, 0.0, reward),
@@ -112,17 +112,17 @@ class _Core:
         return spaces.Dict({"view": box if self.history == 1 else batch_space(box, self.history), "target": box})
 
     def observe(self, episode: Episode) -> dict[str, np.ndarray]:
-        """Views of the last states, the latest first, and of the targets; the start's view is repeated before it."""
-        pictures = self.scene.views if self.obs == "frames" else self.scene.encoded
+        """Last views, the latest first, and target views; before the first step, the first view is repeated."""
+        views = self.scene.views if self.obs == "frames" else self.scene.encoded
         state = np.asarray(episode.state)[:, None]
         earlier = np.where(np.asarray(episode.steps)[:, None] == 0, state, self.last_states[:, :-1])
         self.last_states = np.concatenate([state, earlier], axis=1)
-        seen = self.last_states[:, 0] if self.history == 1 else self.last_states
+        observed = self.last_states[:, 0] if self.history == 1 else self.last_states
         target = self.target_state[np.asarray(episode.target)]
-        return {"view": pictures[seen].copy(), "target": pictures[target].copy()}
+        return {"view": views[observed].copy(), "target": views[target].copy()}
 
-    def information(self, episode: Episode) -> dict[str, np.ndarray]:
-        """Distance and what success weighted by path length is made of."""
+    def info(self, episode: Episode) -> dict[str, np.ndarray]:
+        """Distance, shortest path, steps and success of every agent."""
         target = self.target_state[np.asarray(episode.target)]
         distance = self.scene.shortest_path_distance[np.asarray(episode.state), target]
         return {
@@ -132,23 +132,23 @@ class _Core:
             "success": distance == 0,
         }
 
-    def picture(self, episode: Episode, agent: int) -> np.ndarray:
-        """The current view beside the target's."""
+    def render(self, episode: Episode, agent: int) -> np.ndarray:
+        """The current view and the target's view, side by side."""
         target = int(self.target_state[int(episode.target[agent])])
         return np.concatenate([self.scene.views[int(episode.state[agent])], self.scene.views[target]], axis=1)
 
 
 class NavigationEnv(gymnasium.Env):
-    """One agent on its way to a target.
+    """The navigation task for one agent.
 
     Args:
         scene: a scene, a scene file, or the name of a built-in room such as `bathroom-0`.
-        target: a state, several states, or a category of objects, whose best view is meant; by default every episode
-            goes to the best view of a random object, or to a random state where the scene has no labels.
+        target: a state, several states, or a category of objects, which stands for its best view. By default the target
+            of every episode is the best view of a random object, or a random state if the scene has no labels.
         cap: number of steps after which an episode is truncated.
-        obs: whether observations are feature vectors or frames.
-        reward: a reward function; by default the hand-made one.
-        render_mode: `rgb_array` for the current view beside the target's, or None.
+        obs: `features` or `frames`.
+        reward: a reward function; by default the hand-made reward.
+        render_mode: `rgb_array` for the current view and the target's view side by side, or None.
         history: number of last views in an observation.
     """
 
@@ -173,11 +173,11 @@ class NavigationEnv(gymnasium.Env):
         self._episode: Episode | None = None
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
-        """Begin an episode; see `gymnasium.Env.reset`."""
+        """Start an episode; see `gymnasium.Env.reset`."""
         super().reset(seed=seed)
         self._key = jax.random.key(int(self.np_random.integers(2**31)))
         self._episode = self._core.reset(self._key)
-        return self._first(self._core.observe(self._episode)), self._facts()
+        return self._first(self._core.observe(self._episode)), self._info()
 
     def step(self, action):
         """Take one action; see `gymnasium.Env.step`."""
@@ -187,17 +187,17 @@ class NavigationEnv(gymnasium.Env):
             self._episode, jnp.asarray([action], jnp.int32), jnp.zeros(1, bool), self._key
         )
         observation = self._first(self._core.observe(self._episode))
-        return observation, float(reward[0]), bool(terminated[0]), bool(truncated[0]), self._facts()
+        return observation, float(reward[0]), bool(terminated[0]), bool(truncated[0]), self._info()
 
     def render(self):
-        """The current view beside the target's, as RGB."""
+        """The current view and the target's view, side by side, as RGB."""
         if self.render_mode is None or self._episode is None:
             return None
-        return self._core.picture(self._episode, 0)
+        return self._core.render(self._episode, 0)
 
-    def _facts(self) -> dict[str, Any]:
+    def _info(self) -> dict[str, Any]:
         assert self._episode is not None
-        return {name: values[0].item() for name, values in self._core.information(self._episode).items()}
+        return {name: values[0].item() for name, values in self._core.info(self._episode).items()}
 
     @staticmethod
     def _first(batch: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -205,19 +205,19 @@ class NavigationEnv(gymnasium.Env):
 
 
 class NavigationVectorEnv(VectorEnv):
-    """Many agents in lockstep, stepped by one compiled program.
+    """The navigation task for many agents in lockstep, stepped by one compiled program.
 
-    An agent whose episode is over begins another one on its next step, whatever its action then; that step pays 0.
+    An agent whose episode has ended starts another one on its next step, which ignores the action and has reward 0.
 
     Args:
         num_envs: number of agents.
-        scene: as in `NavigationEnv`; so are the others.
-        target: where episodes go.
-        cap: number of steps after which an episode is truncated.
-        obs: whether observations are feature vectors or frames.
-        reward: a reward function.
-        render_mode: `rgb_array`, one picture an agent, or None.
-        history: number of last views in an observation.
+        scene: see `NavigationEnv`.
+        target: see `NavigationEnv`.
+        cap: see `NavigationEnv`.
+        obs: see `NavigationEnv`.
+        reward: see `NavigationEnv`.
+        render_mode: `rgb_array` for one image for each agent, or None.
+        history: see `NavigationEnv`.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 4, "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
@@ -245,12 +245,12 @@ class NavigationVectorEnv(VectorEnv):
         self._key = jax.random.key(0)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
-        """Begin an episode for every agent; see `gymnasium.vector.VectorEnv.reset`."""
+        """Start an episode for every agent; see `gymnasium.vector.VectorEnv.reset`."""
         super().reset(seed=seed)
         self._key = jax.random.key(int(self.np_random.integers(2**31)))
         self._episode = self._core.reset(self._key)
         self._over = jnp.zeros(self.num_envs, bool)
-        return self._core.observe(self._episode), self._facts()
+        return self._core.observe(self._episode), self._info()
 
     def step(self, actions):
         """Take one action with every agent; see `gymnasium.vector.VectorEnv.step`."""
@@ -267,23 +267,23 @@ class NavigationVectorEnv(VectorEnv):
             np.asarray(reward, np.float64),
             np.asarray(terminated),
             np.asarray(truncated),
-            self._facts(),
+            self._info(),
         )
 
     def render(self):
-        """One picture an agent: its view beside its target's."""
+        """One image for each agent: its view and its target's view, side by side."""
         if self.render_mode is None or self._episode is None:
             return None
-        return tuple(self._core.picture(self._episode, agent) for agent in range(self.num_envs))
+        return tuple(self._core.render(self._episode, agent) for agent in range(self.num_envs))
 
-    def _facts(self) -> dict[str, np.ndarray]:
+    def _info(self) -> dict[str, np.ndarray]:
         assert self._episode is not None
-        facts = self._core.information(self._episode)
-        return facts | {f"_{name}": np.ones(self.num_envs, bool) for name in facts}
+        info = self._core.info(self._episode)
+        return info | {f"_{name}": np.ones(self.num_envs, bool) for name in info}
 
 
 def find_scene(scene: Scene | Path | str) -> Scene:
-    """The scene that a name, a path or the scene itself stands for.
+    """Load the scene that an argument refers to.
 
     Args:
         scene: a scene, a scene file, or the name of a built-in room such as `bathroom-0`.
@@ -307,7 +307,7 @@ def find_scene(scene: Scene | Path | str) -> Scene:
 
 
 def target_states(scene: Scene, target: int | str | Sequence[int] | None) -> list[int]:
-    """States that episodes may be sent to.
+    """States that may be targets of episodes.
 
     Args:
         scene: the scene.
@@ -324,23 +324,22 @@ def target_states(scene: Scene, target: int | str | Sequence[int] | None) -> lis
         return sorted(set(views.values())) or list(range(scene.n_states))
     if isinstance(target, str):
         if target not in views:
-            raise InputError(f"target: {scene.name} shows no {target}; it shows {', '.join(sorted(views)) or 'none'}.")
+            shown = ", ".join(sorted(views)) or "no labelled object"
+            raise InputError(f"target: {scene.name} shows no {target}; it shows {shown}.")
         return [views[target]]
     states = [int(state) for state in np.atleast_1d(target)]
     outside = [state for state in states if not 0 <= state < scene.n_states]
     if outside or not states:
-        raise InputError(f"target: {outside} is not in {scene.name}; give states of 0 to {scene.n_states - 1}.")
+        raise InputError(f"target: {outside} is not in {scene.name}; give states from 0 to {scene.n_states - 1}.")
     return states
 
 
 def _encoded(scene: Scene) -> Scene:
-    """The scene with features of its views by the default encoder, measured on its own views."""
-    settings = EncoderSettings()
-    encoder = make_encoder(settings, scene.views[:: max(1, scene.n_states // N_CALIBRATION_VIEWS)])
-    features = encode_cached(scene.views, encoder, cache_folder() / "features", f"encoding {scene.name}")
-    return replace(scene, features=features, encoder=encoder.name)
+    """The scene with features of the default encoder, whose batch-norm statistics are measured on the scene's views."""
+    calibration_views = scene.views[:: max(1, scene.n_states // N_CALIBRATION_VIEWS)]
+    return encode_scene(scene, make_encoder(EncoderSettings(), calibration_views))
 
 
 def _without_features(scene: Scene) -> Scene:
-    """The scene with features of no length, for environments that show frames."""
+    """The scene with empty feature vectors, for environments whose observations are frames."""
     return replace(scene, features=np.zeros((scene.n_states, 0), np.float32))

@@ -1,4 +1,4 @@
-"""The computer that a run used, and how long each of its stages took there."""
+"""The computer of a run, and the duration of each of its stages."""
 
 import importlib.metadata
 import os
@@ -15,19 +15,19 @@ from relm_irl_jax.errors import InputError, first_fault
 from relm_irl_jax.files import write_json
 
 PACKAGES = ("jax", "flax", "optax", "numpy", "cvxpy", "clarabel")
-"""Packages that compute, whose versions are kept."""
+"""Packages that do the computation, whose versions are recorded."""
 
 
 @dataclass(frozen=True)
 class Hardware:
-    """A computer, and the versions of the packages that compute.
+    """A computer, and the versions of the packages that do the computation.
 
     Attributes:
         processor: name of the processor.
-        cores: number of its cores; None where the system does not tell.
-        devices: kinds of JAX's devices.
+        cores: number of its cores; None if the system does not report it.
+        devices: kind of each JAX device.
         system: operating system.
-        python: version of Python.
+        python: Python version.
         packages: version of each of `PACKAGES`.
     """
 
@@ -41,11 +41,11 @@ class Hardware:
 
 @dataclass(frozen=True)
 class StageTimes:
-    """What `hardware.json` of a run folder holds.
+    """Contents of a run folder's `hardware.json`.
 
     Attributes:
         hardware: the computer that ran the last stage.
-        seconds: seconds of each stage, all calls together.
+        seconds: total seconds of each stage, over all calls.
     """
 
     hardware: Hardware
@@ -56,15 +56,15 @@ _STAGE_TIMES = TypeAdapter(StageTimes)
 
 
 def describe_computer() -> Hardware:
-    """The computer that runs this process.
+    """Describe the computer that runs this process.
 
     Returns:
         The hardware.
     """
-    import jax  # the report reads what other computers wrote, and needs no JAX
+    import jax  # not needed by the report, which reads hardware.json only
 
     return Hardware(
-        processor=_processor(),
+        processor=processor_name(),
         cores=os.cpu_count(),
         devices=tuple(device.device_kind for device in jax.devices()),
         system=platform.platform(terse=True),
@@ -88,14 +88,14 @@ def load_stage_times(path: Path) -> StageTimes:
     try:
         return _STAGE_TIMES.validate_json(path.read_bytes())
     except ValidationError as error:
-        raise InputError(f"{path}: {first_fault(error)} Remove the file; the next stage writes it anew.") from error
+        raise InputError(f"{path}: {first_fault(error)} Remove the file; the next stage writes a new one.") from error
     except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror}); the next stage writes it anew.") from error
+        raise InputError(f"{path}: cannot be read ({error.strerror}); the next stage writes a new one.") from error
 
 
 @dataclass(frozen=True)
 class Stopwatch:
-    """Adds up the seconds that each stage takes, and keeps them with the computer in the run folder.
+    """Adds up the seconds of each stage, and writes them to the run folder with a description of the computer.
 
     Attributes:
         path: the file, `RunFolder.hardware`.
@@ -105,23 +105,27 @@ class Stopwatch:
 
     @contextmanager
     def __call__(self, stage: str) -> Iterator[None]:
-        """Time a block under the name of a stage."""
-        begun = time.perf_counter()
+        """Add the duration of a block to a stage."""
+        start = time.perf_counter()
         yield
-        passed = time.perf_counter() - begun
+        duration = time.perf_counter() - start
         try:
-            before = load_stage_times(self.path).seconds
-        except InputError:  # missing or damaged: the times of earlier stages are lost, the run is not
-            before = {}
-        seconds = before | {stage: round(before.get(stage, 0.0) + passed, 2)}
+            previous = load_stage_times(self.path).seconds
+        except InputError:  # missing or damaged: this loses the times of earlier stages, but not the run
+            previous = {}
+        seconds = previous | {stage: round(previous.get(stage, 0.0) + duration, 2)}
         write_json(self.path, _STAGE_TIMES.dump_python(StageTimes(describe_computer(), seconds), mode="json"))
 
 
-def _processor() -> str:
-    """Name of the processor, where the system tells."""
-    information = Path("/proc/cpuinfo")
-    if information.exists():
-        for line in information.read_text().splitlines():
+def processor_name() -> str:
+    """Name of the processor, as far as the system reports it.
+
+    Returns:
+        The name; the architecture on systems that report no name.
+    """
+    cpu_info = Path("/proc/cpuinfo")
+    if cpu_info.exists():
+        for line in cpu_info.read_text().splitlines():
             if line.startswith("model name"):
                 return line.split(":", 1)[1].strip()
     return platform.processor() or platform.machine()

@@ -1,24 +1,24 @@
-"""Public names of a package that are imported when they are first used."""
+"""Public names of a package that are imported on first use."""
 
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from typing import Any
 
 
-def on_first_use(package: str, home: Mapping[str, str]) -> Callable[[str], Any]:
-    """Make a package's `__getattr__`.
+def lazy_getattr(package: str, modules: Mapping[str, str]) -> Callable[[str], Any]:
+    """Make a package's `__getattr__` that imports a public name on first use.
 
     Args:
         package: the package's name.
-        home: for each public name, the module of the package that defines it.
+        modules: for each public name, the module of the package that defines it.
 
     Returns:
         The function; it raises AttributeError for other names.
     """
 
-    def find(name: str) -> Any:
-        if name not in home:
+    def import_name(name: str) -> Any:
+        if name not in modules:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        return getattr(import_module(f"{package}.{home[name]}"), name)
+        return getattr(import_module(f"{package}.{modules[name]}"), name)
 
-    return find
+    return import_name

@@ -1,6 +1,6 @@
-"""The chain from scenes to the table: scenes → features → targets → demonstrations → rewards → agents → evaluation.
+"""The pipeline: scenes → features → targets → demonstrations → rewards → agents → evaluation → report.
 
-A stage whose result lies in the run folder is not run again.
+Trainings whose results are in the run folder are not repeated.
 """
 
 from collections.abc import Callable, Sequence
@@ -34,13 +34,13 @@ def run(
     *,
     maps: bool = True,
 ) -> RunFolder:
-    """Train what is not yet trained, evaluate the agents and write the report.
+    """Train the missing agents, evaluate all agents and write the report.
 
     Args:
         config: the configuration.
-        tasks: tasks to evaluate; the configuration's where empty.
-        encoded: the training scenes, where they are encoded already.
-        learn_rewards: learns rewards; runs that share them can be given a function that remembers.
+        tasks: tasks to evaluate; by default the configuration's.
+        encoded: the encoded training scenes; None to encode them.
+        learn_rewards: learns rewards; a function with a cache can share them between runs.
         maps: whether to save maps of rewards and episodes for the report.
 
     Returns:
@@ -74,9 +74,9 @@ def run(
                 continue
             with stopwatch(f"training {method}"):
                 train_method(config, method, inputs, folder)
-    for method, prepared in joint.items():
+    for method, seed_inputs in joint.items():
         with stopwatch(f"training {method}"):
-            train_jointly(config, method, prepared, folder)
+            train_jointly(config, method, seed_inputs, folder)
     for task in tasks:
         with stopwatch("evaluation"):
             _evaluate(config, folder, encoded, task, maps=maps)
@@ -85,7 +85,7 @@ def run(
 
 
 def _evaluate(config: Config, folder: RunFolder, encoded: EncodedScenes, task: Task, *, maps: bool = True) -> None:
-    """Evaluate the agents and save episodes of the last method, which is the paper's where it was trained."""
+    """Evaluate the agents, and save episodes of the last method in the order of the tables."""
     evaluated = {row.method for row in evaluate_task(config, folder, encoded, task).rows}
     if maps:
         last = [method for method in METHODS if method in evaluated][-1]

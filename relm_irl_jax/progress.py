@@ -1,4 +1,4 @@
-"""Progress of long work: what is done, the rate and the time left, on standard error."""
+"""Progress bars on standard error: units done, rate and remaining time."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -21,7 +21,7 @@ console = Console(stderr=True)
 
 
 class _Rate(ProgressColumn):
-    """Completed units per second; the mean over the whole work once it is done."""
+    """Completed units per second; after completion, the mean over the whole run."""
 
     def render(self, task: Task) -> Text:
         """Return the rate with its unit, or a dash before the first unit is done."""
@@ -34,9 +34,9 @@ def progress_bar(description: str, total: int, unit: str) -> Iterator[Callable[[
     """Show a bar while the block runs.
 
     Args:
-        description: what is being done, for example `rendering bathroom-0`.
-        total: number of units of the whole work.
-        unit: plural noun of one unit, for example `views`.
+        description: label of the bar, for example `rendering bathroom-0`.
+        total: number of units in total.
+        unit: plural name of the unit, for example `views`.
 
     Yields:
         A function that takes the number of units done since its last call.

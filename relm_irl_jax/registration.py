@@ -1,13 +1,13 @@
-"""The names under which Gymnasium finds the environments; importing the package registers them."""
+"""Registration of the environments with Gymnasium, which happens when the package is imported."""
 
 from gymnasium.envs.registration import register, registry
 
 NAVIGATION = "RelmIrl/Navigation-v0"
-"""The target-driven navigation task, for one agent or many in step."""
+"""The target-driven navigation task, for one agent or many in lockstep."""
 
 
 def register_environments() -> None:
-    """Tell Gymnasium of the environments; their code is loaded when one is made."""
+    """Register the environments with Gymnasium; their code is imported when one is made."""
     if NAVIGATION not in registry:
         register(
             NAVIGATION,

@@ -1,4 +1,4 @@
-"""What was measured: metrics of trained agents (`results.json`) and the quality of learned rewards (`quality.csv`)."""
+"""Results of a run: metrics of trained agents (`results.json`) and quality of learned rewards (`quality.csv`)."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,7 +15,7 @@ Task = Literal["I", "II", "III"]
 TASKS: tuple[Task, ...] = get_args(Task)
 
 TargetGroup = Literal["trained", "new", "uniform"]
-"""Targets of Task I, and of Task II by either way to draw them."""
+"""Targets of Task I, and the two kinds of Task II targets."""
 
 Share = Annotated[float, Field(ge=0, le=1)]
 
@@ -26,14 +26,14 @@ class ResultRow:
 
     Attributes:
         method: the method that trained it, such as `relm-irl`.
-        agent: kind of agent, such as `siamese`; empty in files that do not say.
+        agent: kind of agent, such as `siamese`; empty if the file does not say.
         scene: name of the scene.
         room_type: room type of the scene.
         seed: seed of the training.
-        episodes: number of episodes, all with starts and targets drawn anew.
+        episodes: number of episodes.
         sr: share of the episodes that ended at the target.
-        ple: mean over all episodes of actions taken minus actions of a shortest path; a failure counts the cap.
-        spl: success weighted by path length, mean over all episodes of S · shortest / max(taken, shortest).
+        ple: mean over all episodes of path length minus shortest path; the path length of a failed episode is the cap.
+        spl: success weighted by path length: mean over all episodes of S · shortest / max(length, shortest).
     """
 
     method: str
@@ -53,8 +53,8 @@ class Results:
 
     Attributes:
         task: the task.
-        cap: steps after which an episode was cut.
-        encoder: what encoded the views.
+        cap: number of steps after which an episode was truncated.
+        encoder: name of the encoder.
         rows: one for each method, seed and scene.
     """
 
@@ -68,7 +68,7 @@ _RESULTS = TypeAdapter(Results)
 
 
 def save_results(folder: RunFolder, results: Results) -> None:
-    """Write `results-TASK.json`, and the same as `results.json`, the task evaluated last.
+    """Write the metrics to `results-TASK.json` and to `results.json`, which belongs to the task evaluated last.
 
     Args:
         folder: the run folder.
@@ -101,7 +101,7 @@ def load_results(folder: RunFolder, task: Task | None = None) -> Results:
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); {remedy}") from error
     if task not in (None, results.task):
-        raise InputError(f"{path}: task = {results.task!r} is not the task of the file's name; remove it and {remedy}")
+        raise InputError(f"{path}: task = {results.task!r} contradicts the file's name; remove the file and {remedy}")
     return results
 
 
@@ -117,21 +117,21 @@ def load_all_results(folder: RunFolder) -> dict[Task, Results]:
     Raises:
         InputError: nothing was evaluated yet, or a file is damaged.
     """
-    found = {task: load_results(folder, task) for task in TASKS if folder.results(task).exists()}
-    if not found:
-        raise InputError(f"{folder.path}: holds no results; run `relm-irl evaluate {folder.path}`.")
-    return found
+    results = {task: load_results(folder, task) for task in TASKS if folder.results(task).exists()}
+    if not results:
+        raise InputError(f"{folder.path}: contains no results; run `relm-irl evaluate {folder.path}`.")
+    return results
 
 
 @dataclass(frozen=True)
 class RewardQualityRow:
-    """How good one method's rewards are for a group of targets, apart from any agent.
+    """Quality of one method's rewards for a group of targets, independent of agents.
 
     Attributes:
         method: the method whose reward it is.
         targets: `trained`, `new` (Task II) or `uniform` (Task II, targets drawn uniformly).
         median_rank: median over targets and starts of the target's rank by reward among its scene's states; 1 is best.
-        median_rank_share: the same, each rank as a share of the number of states.
+        median_rank_share: median of the rank divided by the number of states.
         mean_order: mean Spearman correlation between reward and closeness to the target.
     """
 

@@ -1,21 +1,21 @@
-"""The run folder: everything a run leaves behind, and what lets it go on where it stopped.
+"""The run folder: all files of a run.
 
     config.json                           the configuration as run
-    hardware.json                         where it ran, and how long each stage took
+    hardware.json                         the computer, and the duration of each stage
     agents/METHOD-seed-S.safetensors      network weights
     curves/METHOD-seed-S.csv              the learning curve
-    checkpoints/METHOD-seed-S/            state of a training that is under way (Orbax); gone when it is done
+    checkpoints/METHOD-seed-S/            state of a running training (Orbax); removed when it is finished
     tensorboard/METHOD-seed-S/            the learning curve for TensorBoard
     rewards/seed-S/                       basis, demonstrated weights, fitted regressors, quality of the rewards
-    maps/reward-TARGETS-ROOM.safetensors  rewards of every state of a room for one target
-    maps/distance-TASK-ROOM.safetensors   distances of every state of a room to one target
+    maps/reward-TARGETS-ROOM.safetensors  reward of every state of a room for one target
+    maps/distance-TASK-ROOM.safetensors   distance of every state of a room to one target
     episodes/TASK.safetensors             one episode in a scene of each room type
-    results-TASK.json, results.json       metrics for each task, and of the task evaluated last
+    results-TASK.json, results.json       metrics of each task, and of the task evaluated last
     tables/                               the report's tables as CSV
-    figures/                              its figures, and what each shows as CSV beside it
-    report.html, report.md                all of it for people
+    figures/                              the report's figures as PNG, and their data as CSV
+    report.html, report.md                the report
 
-The stages write all but the last three, which the report draws from the others.
+The stages write all files except those in the last three lines, which the report makes from the others.
 """
 
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class RunFolder:
-    """Paths of a run folder's files. Folders are created by what writes the files.
+    """Paths of a run folder's files. Sub-folders are created when the first file is written.
 
     Attributes:
         path: the folder.
@@ -39,7 +39,7 @@ class RunFolder:
 
     @property
     def hardware(self) -> Path:
-        """Path of what is kept of the computer and of the time that each stage took."""
+        """Path of the description of the computer and the duration of each stage."""
         return self.path / "hardware.json"
 
     def agent(self, method: str, seed: int) -> Path:
@@ -59,7 +59,7 @@ class RunFolder:
         return self.path / "tensorboard" / f"{method}-seed-{seed}"
 
     def rewards(self, seed: int, name: str) -> Path:
-        """Path of a file on learned rewards."""
+        """Path of a file about learned rewards."""
         return self.path / "rewards" / f"seed-{seed}" / name
 
     def results(self, task: str | None = None) -> Path:
@@ -71,7 +71,7 @@ class RunFolder:
         return self.path / "maps" / f"reward-{targets}-{room_type}.safetensors"
 
     def reward_maps(self, targets: str) -> list[Path]:
-        """Paths of the reward maps that the folder holds, by room type."""
+        """Paths of the existing reward maps, in the order of room types."""
         return sorted((self.path / "maps").glob(f"reward-{targets}-*.safetensors"))
 
     def distance_map(self, task: str, room_type: str) -> Path:
@@ -79,15 +79,15 @@ class RunFolder:
         return self.path / "maps" / f"distance-{task}-{room_type}.safetensors"
 
     def distance_maps(self, task: str) -> list[Path]:
-        """Paths of the distance maps that the folder holds, by room type."""
+        """Paths of the existing distance maps, in the order of room types."""
         return sorted((self.path / "maps").glob(f"distance-{task}-*.safetensors"))
 
     def episodes(self, task: str) -> Path:
         """Path of the episodes of a task that the report shows."""
         return self.path / "episodes" / f"{task}.safetensors"
 
-    def film(self, method: str, task: str, scene: str, episode: int) -> Path:
-        """Path of an episode as a moving picture."""
+    def animation(self, method: str, task: str, scene: str, episode: int) -> Path:
+        """Path of an animation of an episode."""
         return self.path / "episodes" / f"{method}-{task}-{scene}-{episode}.gif"
 
     def table(self, name: str) -> Path:

@@ -1,6 +1,6 @@
-"""What the stages save for the report's maps: values of all states of a scene, and episodes.
+"""Data of the report's maps, which the stages save: values of all states of a scene, and episodes.
 
-Each is a file of arrays that needs neither the scene nor the agent to be drawn.
+The report draws them without the scene and the agent.
 """
 
 import json
@@ -17,25 +17,25 @@ from relm_irl_jax.files import load_arrays_and_metadata, save_arrays
 from relm_irl_jax.scenes.scene import HEADINGS, Scene
 
 SHORTEST_PATH = "shortest-path"
-"""Name of the true distances among those that methods learned."""
+"""Name of the true distances in a map of distances."""
 
 _FIELDS = "fields"
-"""Name of the metadata that holds what is no array, as JSON."""
+"""Metadata key of all values that are not arrays, as JSON."""
 
 _VALUES = "values/"
-"""Beginning of the names of a map's arrays of values."""
+"""Prefix of the names of a map's value arrays."""
 
-Read = TypeVar("Read")
+Saved = TypeVar("Saved")
 
 
 @dataclass(frozen=True)
 class ScenePoses:
-    """Where the states of a scene are.
+    """The poses of a scene's states.
 
     Attributes:
         name: the scene's name.
         room_type: its room type.
-        location: place (x, z) of each state, in metres.
+        location: position (x, z) of each state, in metres.
         rotation: heading of each state, in degrees; 0 faces +z and 90 faces +x.
     """
 
@@ -45,17 +45,18 @@ class ScenePoses:
     rotation: Float64[np.ndarray, "states"]
 
     def __post_init__(self) -> None:
-        """Refuse what is no list of poses."""
-        _demand(self.rotation.ndim == 1 and len(self.rotation) > 0, "rotation is not one number a state")
-        _demand(self.location.shape == (len(self.rotation), 2), "location is not two numbers a state")
-        _demand(bool(np.isfinite(self.location).all()), "location is not finite")
-        _demand(bool(np.isin(self.rotation, HEADINGS).all()), f"rotation is none of {HEADINGS}")
+        """Check shapes and values."""
+        _require(self.rotation.ndim == 1 and len(self.rotation) > 0, "rotation does not have one number for each state")
+        _require(self.location.shape == (len(self.rotation), 2), "location does not have two numbers for each state")
+        _require(bool(np.isfinite(self.location).all()), "location is not finite")
+        _require(bool(np.isin(self.rotation, HEADINGS).all()), f"rotation is not one of {HEADINGS}")
 
     def check_states(self, name: str, states: Int32[np.ndarray, "n"] | Sequence[int]) -> None:
-        """Refuse numbers that are no states of the scene."""
+        """Raise an InputError unless all numbers are states of the scene."""
         numbers = np.asarray(states)
         inside = (numbers >= 0) & (numbers < len(self.rotation))
-        _demand(numbers.ndim == 1 and len(numbers) > 0 and bool(inside.all()), f"{name} is no state of {self.name}")
+        valid = numbers.ndim == 1 and len(numbers) > 0 and bool(inside.all())
+        _require(valid, f"{name} is not a state of {self.name}")
 
 
 def poses_of(scene: Scene) -> ScenePoses:
@@ -72,18 +73,17 @@ def poses_of(scene: Scene) -> ScenePoses:
 
 @dataclass(frozen=True, kw_only=True)
 class StateMap:
-    """A value of every state of a scene for one target, by several methods.
+    """Values of all states of a scene for one target, by several methods.
 
     Attributes:
-        poses: where the states are.
+        poses: poses of the states.
         seed: seed of the methods and of the target.
         target: the target's state.
-        category: category of the object that the target shows; empty where it was chosen by its place.
-        values: for each method, or `SHORTEST_PATH`, a value of every state: a reward, or a distance in actions. NaN
-            or infinite where there is none, and of `SHORTEST_PATH` negative where there is no path.
-        start: the state from which rewards are predicted; None where values depend on no start.
-        limits: ends of the colour scale, the interval to which values are clipped where they are used; None for those
-            of the values.
+        category: category of the object that the target shows; empty if it was chosen by its position.
+        values: for each method, or `SHORTEST_PATH`, the value of every state: a reward, or a distance in actions. NaN
+            or infinite if there is no value; for `SHORTEST_PATH`, negative if there is no path.
+        start: the state for which rewards are predicted; None if values do not depend on a start.
+        limits: ends of the colour scale, to which the agents' rewards are clipped; None for the range of the values.
     """
 
     poses: ScenePoses
@@ -95,13 +95,13 @@ class StateMap:
     limits: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
-        """Refuse values that are not one a state."""
+        """Check states, shapes and limits."""
         self.poses.check_states("target", [self.target])
         self.poses.check_states("start", [self.target if self.start is None else self.start])
-        _demand(len(self.values) > 0, "there are no values")
+        _require(len(self.values) > 0, "there are no values")
         for name, values in self.values.items():
-            _demand(values.shape == self.poses.rotation.shape, f"values of {name} are not one a state")
-        _demand(self.limits is None or self.limits[0] < self.limits[1], "limits are not ascending")
+            _require(values.shape == self.poses.rotation.shape, f"values of {name} are not one number for each state")
+        _require(self.limits is None or self.limits[0] < self.limits[1], "limits are not ascending")
 
 
 def save_map(path: Path, saved: StateMap) -> None:
@@ -158,14 +158,14 @@ class SavedEpisode:
     """One episode of an agent.
 
     Attributes:
-        poses: where the states of the scene are.
+        poses: poses of the scene's states.
         method: the method that trained the agent.
-        seed: its seed.
+        seed: seed of the training.
         target: the target's state.
-        category: category of the object that the target shows; empty where it was chosen by its place.
+        category: category of the object that the target shows; empty if it was chosen by its position.
         path: states from the start to the last one.
         shortest_path: states of a shortest path from the start to the target.
-        target_view: the view that the agent is shown as its target, in RGB.
+        target_view: the target's view, RGB.
     """
 
     poses: ScenePoses
@@ -178,12 +178,12 @@ class SavedEpisode:
     target_view: UInt8[np.ndarray, "height width 3"]
 
     def __post_init__(self) -> None:
-        """Refuse paths that are not of the scene."""
+        """Check states and the shape of the view."""
         self.poses.check_states("target", [self.target])
         self.poses.check_states("path", self.path)
         self.poses.check_states("shortest_path", self.shortest_path)
         view = self.target_view
-        _demand(view.ndim == 3 and view.shape[2] == 3 and view.size > 0, "target_view is no picture")
+        _require(view.ndim == 3 and view.shape[2] == 3 and view.size > 0, "target_view is not an RGB image")
 
     @property
     def success(self) -> bool:
@@ -230,16 +230,16 @@ def load_episodes(path: Path) -> list[SavedEpisode]:
     def build(arrays: Mapping[str, np.ndarray], fields: list[dict[str, Any]]) -> list[SavedEpisode]:
         return [
             SavedEpisode(
-                poses=_poses(arrays, own, f"{number}/"),
-                method=str(own["method"]),
-                seed=int(own["seed"]),
-                target=int(own["target"]),
-                category=str(own["category"]),
+                poses=_poses(arrays, episode, f"{number}/"),
+                method=str(episode["method"]),
+                seed=int(episode["seed"]),
+                target=int(episode["target"]),
+                category=str(episode["category"]),
                 path=arrays[f"{number}/path"].astype(np.int32),
                 shortest_path=arrays[f"{number}/shortest_path"].astype(np.int32),
                 target_view=arrays[f"{number}/target_view"].astype(np.uint8),
             )
-            for number, own in enumerate(fields)
+            for number, episode in enumerate(fields)
         ]
 
     return _load(path, build)
@@ -250,8 +250,8 @@ def _poses(arrays: Mapping[str, np.ndarray], fields: Mapping[str, Any], prefix: 
     return ScenePoses(str(fields["scene"]), str(fields["room_type"]), location, rotation)
 
 
-def _load(path: Path, build: Callable[[Mapping[str, np.ndarray], Any], Read]) -> Read:
-    """Build what a file holds; one sentence where it is damaged."""
+def _load(path: Path, build: Callable[[Mapping[str, np.ndarray], Any], Saved]) -> Saved:
+    """Read a file and build an object from its contents; raises InputError if the contents are damaged."""
     arrays, metadata = load_arrays_and_metadata(path)
     try:
         return build(arrays, json.loads(metadata[_FIELDS]))
@@ -261,6 +261,6 @@ def _load(path: Path, build: Callable[[Mapping[str, np.ndarray], Any], Read]) ->
         raise InputError(f"{path}: {error}; remove the file and run `relm-irl evaluate` again.") from error
 
 
-def _demand(met: bool, fault: str) -> None:
-    if not met:
+def _require(condition: bool, fault: str) -> None:
+    if not condition:
         raise InputError(fault)

@@ -1,15 +1,15 @@
-"""Targets of the three tasks and the wall between training and evaluation (paper, section 5.2).
+"""Targets of the three tasks, and their separation into training and evaluation targets (paper, section 5.2).
 
 - Task I: the training targets themselves.
-- Task II: new targets in the training scenes, half of them near a trained target, half the best view of an object
-  that was not a target; a harder preset draws them uniformly from all untrained states.
-- Task III: in unseen scenes, the best view of an object whose category was a training target's.
+- Task II: new targets in the training scenes. Half of them are near a training target, half are the best view of an
+  object that is not a training target. A harder preset draws them uniformly from all other states.
+- Task III: in unseen scenes, the best view of an object of a category that a training target has.
 
-Scenes without object labels, such as the original dumps, have no best views: targets are then states drawn uniformly,
-and Task II's new ones are all near a trained target.
+Scenes without object labels, such as the original dumps, have no best views. Their targets are drawn uniformly from all
+states, and all their Task II targets are near a training target.
 
-A `TaskSplit` is drawn once for a seed, before any training, and holds the targets of all tasks, so that training can
-be kept away from every one of them.
+A `TaskSplit` is drawn once for each seed, before any training, and contains the targets of all tasks. Training uses it
+to leave out the evaluation targets.
 """
 
 from collections.abc import Iterator, Sequence
@@ -25,41 +25,41 @@ from relm_irl_jax.scenes.objects import best_views
 from relm_irl_jax.scenes.scene import Scene
 
 NEAR_DISTANCE = 4
-"""Greatest distance in actions of a `near` target from a trained one."""
+"""Largest distance, in actions, of a near target from a training target."""
 
 
 @settings_dataclass(frozen=True)
 class TaskSettings:
-    """Which targets are trained and which are kept for evaluation."""
+    """Numbers of training and evaluation targets, and the step cap."""
 
     training_targets: PositiveInt = 20
-    """Training targets, spread over the training scenes (the paper's 20)."""
+    """Training targets, distributed over the training scenes (20 in the paper)."""
     new_targets_per_scene: Annotated[int, Field(ge=2)] = 8
-    """Task II targets in each training scene; half near a trained target, half best views of other objects."""
+    """Task II targets in each training scene: half near a training target, half best views of other objects."""
     cap: PositiveInt = 100
-    """Steps after which an episode is cut. The paper's text says 5000, its tables fit 100."""
+    """Steps after which an episode is truncated. The paper's text says 5000, but its tables fit 100."""
 
 
 @settings_dataclass(frozen=True)
 class EvaluationSettings:
-    """How trained agents are judged."""
+    """How trained agents are evaluated."""
 
     episodes: PositiveInt = 1000
     """Episodes in each scene."""
     new_targets: Literal["paper", "uniform"] = "paper"
-    """Task II targets: near a trained target or an object's best view (`paper`), or `uniform` over untrained states."""
+    """Task II targets: near a training target or an object's best view (`paper`), or drawn uniformly (`uniform`)."""
     policy: Literal["sample", "greedy"] = "sample"
-    """Draw actions from the policy, or take the most probable one."""
+    """Draw actions from the policy (`sample`), or take the most probable one (`greedy`)."""
 
 
 @dataclass(frozen=True)
 class Target:
-    """One place to find.
+    """A navigation target.
 
     Attributes:
-        scene: number of the scene within its own group (training or unseen scenes).
+        scene: index of the scene among the training scenes, or among the unseen ones.
         state: state of that scene whose view is the target image.
-        category: category of the object that it shows best; empty for targets chosen by place.
+        category: category of the object of which it is the best view; empty for targets chosen by position.
     """
 
     scene: int
@@ -72,10 +72,10 @@ class TaskSplit:
     """The targets of all tasks for one seed, each group in the order of its scenes.
 
     Attributes:
-        training: targets of Task I, the only ones that training may be sent to.
-        new: targets of Task II, the paper's kind; in training scenes.
-        uniform: targets of Task II, the uniform kind; in training scenes.
-        similar: targets of Task III; in unseen scenes.
+        training: targets of Task I, the only targets of training episodes.
+        new: targets of Task II as in the paper, in training scenes.
+        uniform: targets of Task II drawn uniformly, in training scenes.
+        similar: targets of Task III, in unseen scenes.
     """
 
     training: tuple[Target, ...]
@@ -88,7 +88,7 @@ class TaskSplit:
 
         Args:
             task: `I`, `II` or `III`.
-            settings: tells which kind of new targets Task II means.
+            settings: says which kind of new targets Task II uses.
 
         Returns:
             The targets.
@@ -97,7 +97,7 @@ class TaskSplit:
         return {"I": self.training, "II": new, "III": self.similar}[task]
 
     def evaluation_only(self, scene: int) -> frozenset[int]:
-        """States of a training scene that training must never use as targets.
+        """States of a training scene that training must not use as targets.
 
         Args:
             scene: number of the training scene.
@@ -112,52 +112,51 @@ def draw_split(training: Sequence[Scene], unseen: Sequence[Scene], settings: Tas
     """Draw the targets of all tasks.
 
     Args:
-        training: scenes that training sees.
-        unseen: scenes kept for Task III; may be empty where Task III is not asked for.
-        settings: how many targets of which kind.
+        training: the training scenes.
+        unseen: the scenes of Task III; may be empty if Task III is not evaluated.
+        settings: numbers of targets.
         seed: the run's seed.
 
     Returns:
         The split; the targets of Tasks I and II do not depend on the unseen scenes.
 
     Raises:
-        InputError: too few objects or states for the targets asked for.
+        InputError: there are too few objects or states for the numbers of targets.
     """
     generator = np.random.default_rng([seed, 0])
-    dealt = _training_targets(training, settings.training_targets, generator)
-    trained = tuple(sorted(dealt, key=lambda target: target.scene))
+    drawn = _training_targets(training, settings.training_targets, generator)
+    trained = tuple(sorted(drawn, key=lambda target: target.scene))
     new, uniform = [], []
     for number, scene in enumerate(training):
-        own = [target for target in trained if target.scene == number]
-        new += _new_targets(scene, number, own, settings.new_targets_per_scene, generator)
-        taken = {target.state for target in own}
-        free = np.setdiff1d(scene.reachable, list(taken))
-        chosen = generator.choice(free, settings.new_targets_per_scene, replace=False)
+        in_scene = [target for target in trained if target.scene == number]
+        new += _new_targets(scene, number, in_scene, settings.new_targets_per_scene, generator)
+        untrained = np.setdiff1d(scene.reachable, [target.state for target in in_scene])
+        chosen = generator.choice(untrained, settings.new_targets_per_scene, replace=False)
         uniform += [Target(number, int(state)) for state in sorted(chosen)]
     similar = _similar_targets(training, unseen, trained, settings.new_targets_per_scene, generator)
     return TaskSplit(trained, tuple(new), tuple(uniform), tuple(similar))
 
 
 def _training_targets(scenes: Sequence[Scene], count: int, generator: np.random.Generator) -> Iterator[Target]:
-    """Best views of objects, or states where there are no labels, dealt to the scenes in turn."""
-    piles = []
+    """Best views of objects, or random states without labels; taken from the scenes in turn."""
+    candidates = []
     for number, scene in enumerate(scenes):
         if scene.visible_object is None:
-            piles.append([Target(number, int(state)) for state in generator.permutation(scene.reachable)])
+            candidates.append([Target(number, int(state)) for state in generator.permutation(scene.reachable)])
             continue
         views = _distinct(best_views(scene))
         categories = generator.permutation(sorted(views))
-        piles.append([Target(number, views[category], str(category)) for category in categories])
-    if count > sum(map(len, piles)):
+        candidates.append([Target(number, views[category], str(category)) for category in categories])
+    if count > sum(map(len, candidates)):
         raise InputError(
-            f"tasks.training_targets: {count} asked for, but the training scenes show only "
-            f"{sum(map(len, piles))} objects; ask for fewer or add scenes."
+            f"tasks.training_targets: {count} is too large, since the training scenes show only "
+            f"{sum(map(len, candidates))} objects; give a smaller number or add scenes."
         )
     round_number = 0
     while count > 0:
-        for pile in piles:
-            if round_number < len(pile) and count > 0:
-                yield pile[round_number]
+        for of_scene in candidates:
+            if round_number < len(of_scene) and count > 0:
+                yield of_scene[round_number]
                 count -= 1
         round_number += 1
 
@@ -165,7 +164,7 @@ def _training_targets(scenes: Sequence[Scene], count: int, generator: np.random.
 def _new_targets(
     scene: Scene, number: int, trained: Sequence[Target], count: int, generator: np.random.Generator
 ) -> Iterator[Target]:
-    """Half best views of untrained objects (as far as there are any), the rest near a trained target."""
+    """Best views of untrained objects for up to half of the targets; the rest are near a training target."""
     taken = {target.state for target in trained}
     untrained = {
         category: state
@@ -182,8 +181,8 @@ def _new_targets(
     missing = count - len(categories)
     if len(near) < missing:
         raise InputError(
-            f"{scene.name}: {missing} Task II targets near trained ones asked for, {len(near)} states are; "
-            "lower tasks.new_targets_per_scene."
+            f"{scene.name}: {missing} Task II targets near training targets are needed, but only {len(near)} states "
+            "are near one; lower tasks.new_targets_per_scene."
         )
     for state in sorted(generator.choice(near, missing, replace=False)):
         yield Target(number, int(state))
@@ -198,12 +197,12 @@ def _similar_targets(
 ) -> Iterator[Target]:
     """Best views, in unseen scenes, of categories that were trained in scenes of the same room type.
 
-    Without labels, `count` states a scene. A scene that shows no such category gets no target.
+    Scenes without labels get `count` random states. A scene that shows no such category gets no target.
 
     Raises:
-        InputError: no scene shows one.
+        InputError: no scene shows such a category.
     """
-    missed = 0
+    without_target = 0
     for number, scene in enumerate(unseen):
         if scene.visible_object is None:
             drawn = min(count, len(scene.reachable))
@@ -212,10 +211,10 @@ def _similar_targets(
             continue
         known = {t.category for t in trained if training[t.scene].room_type == scene.room_type}
         views = {category: state for category, state in best_views(scene).items() if category in known}
-        missed += not views
+        without_target += not views
         for category, state in sorted(_distinct(views).items()):
             yield Target(number, state, category)
-    if missed and missed == len(unseen):
+    if without_target and without_target == len(unseen):
         raise InputError(
             "Task III: no unseen scene shows an object of a trained category; raise tasks.training_targets or "
             "add scenes."
@@ -223,7 +222,7 @@ def _similar_targets(
 
 
 def _distinct(views: dict[str, int]) -> dict[str, int]:
-    """Keep the first category, in order of name, where two have the same best view."""
+    """Keep the alphabetically first category if several have the same best view."""
     by_state: dict[int, str] = {}
     for category in sorted(views):
         by_state.setdefault(views[category], category)

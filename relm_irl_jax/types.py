@@ -1,10 +1,10 @@
-"""The interfaces between the parts: what is to be learned, what learns it, and what acts.
+"""The interfaces between the parts of the package: learning problem, agent and policy.
 
     TrainingProblem ── Agent.train ──> parameters ── Agent.policy ──> Policy ── evaluation, play, report
 
-An `Agent` is a value that turns a `TrainingProblem` into network parameters, and parameters into a `Policy`. Whatever
-evaluates or shows behaviour knows `Policy` alone. A new agent implements these two protocols in a folder of
-`relm_irl_jax.agents`; beside it, its name and settings go into `config.py`, and `stages/make_agent.py` makes it.
+An `Agent` turns a `TrainingProblem` into network parameters, and parameters into a `Policy`. Code that evaluates or
+displays behaviour uses `Policy` only. A new agent implements these two protocols in a folder of `relm_irl_jax.agents`
+and is added to `relm_irl_jax.stages.make_agent` and `relm_irl_jax.config`.
 
 Batches have two axes, `scenes batch`: row i of every array acts in scene i of the world.
 """
@@ -24,16 +24,16 @@ Parameters = Mapping[str, Any]
 """A network's parameters θ: nested dictionaries of arrays."""
 
 Memory = Any
-"""What a policy remembers within an episode: a tree of arrays whose leading axes are `scenes batch`; may be empty."""
+"""What a policy remembers within an episode: a pytree of arrays with leading axes `scenes batch`; may be empty."""
 
 NO_MEMORY: Memory = ()
-"""Memory of a policy that remembers nothing."""
+"""Memory of a policy without memory."""
 
 Row = Mapping[str, float]
 """One row of a learning curve: a number for each column."""
 
 State = TypeVar("State")
-"""Everything that a training carries from chunk to chunk: a tree of arrays."""
+"""Everything that a training carries from chunk to chunk: a pytree of arrays."""
 
 Requirement = Literal["goals", "demonstrations"]
 """An optional part of a `TrainingProblem`."""
@@ -42,12 +42,12 @@ Requirement = Literal["goals", "demonstrations"]
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Observation:
-    """What an agent observes before it acts.
+    """An agent's observation before an action.
 
     Attributes:
-        view: row of the world's table of views that is seen. It serves as a look-up key into tables computed from
-            views; its value carries no meaning, and renumbering all states changes no action.
-        collided: whether the last action left the agent where it was; False at the start of an episode.
+        view: row of the observed view in the world's table of views. It is only a key into tables computed from views:
+            renumbering all states changes no action.
+        collided: whether the last action left the state unchanged; False at the start of an episode.
     """
 
     view: Int32[Array, "scenes batch"]
@@ -56,7 +56,7 @@ class Observation:
 
 @runtime_checkable
 class Policy(Protocol):
-    """A trained agent, ready to act in the scenes and towards the targets that it was made for; a tree of arrays."""
+    """A trained agent for given scenes and targets; a pytree of arrays."""
 
     def init(self, shape: tuple[int, ...]) -> Memory:
         """Return the memory of `shape` = (scenes, batch) agents before their first observation."""
@@ -69,12 +69,12 @@ class Policy(Protocol):
 
         Args:
             key: source of randomness.
-            memory: what `init` or the last call returned.
-            observation: what is observed now.
-            target: rows of the `Targets` that the policy was made for.
+            memory: the memory from `init` or the previous call.
+            observation: the current observation.
+            target: rows of the policy's `Targets`.
 
         Returns:
-            The next memory, and the numbers of the actions.
+            The next memory and the action numbers.
         """
         ...
 
@@ -82,13 +82,13 @@ class Policy(Protocol):
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Demonstrations:
-    """Demonstrated decisions, those of one trajectory in order.
+    """Demonstrated decisions; those of a trajectory are consecutive and in order.
 
     Attributes:
         state: states of the world in which an action was demonstrated.
-        target: row of `Targets` that the demonstration leads to.
-        action: the action demonstrated.
-        step: number of the decision within its trajectory, from 0.
+        target: row in `Targets` of the demonstration's target.
+        action: the demonstrated action.
+        step: index of the decision within its trajectory, from 0.
     """
 
     state: Int32[Array, "decisions"]
@@ -99,17 +99,17 @@ class Demonstrations:
 
 @dataclass(frozen=True)
 class TrainingProblem:
-    """What is to be learned, for one method and seed.
+    """A learning problem, for one method and seed.
 
     Attributes:
         world: the training scenes.
-        targets: the training targets; training sees no others.
-        reward: pays every transition.
+        targets: the training targets; the problem contains no others.
+        reward: the reward function.
         cap: number of steps after which an episode is truncated.
-        frames: environment steps of all workers together; agents round up to whole updates.
+        frames: total environment steps of all workers; agents round up to whole updates.
         return_scale: size of a typical return; agents that learn values divide rewards by it.
-        goals: states that may serve as targets after the fact, and the cost of every state with each; only for agents
-            that require "goals".
+        goals: states that hindsight relabelling may use as targets, and the cost of every state for each; only for
+            agents that require "goals".
         demonstrations: the expert's decisions; only for agents that require "demonstrations".
     """
 
@@ -124,31 +124,31 @@ class TrainingProblem:
 
 
 class TrainingLog:
-    """Receives the progress of a training and restores an interrupted one; this one keeps nothing."""
+    """Receives the progress of a training and restores an interrupted one; this base class stores nothing."""
 
     def resume(self, state: State) -> tuple[State, list[Row]]:
-        """Restore the last state that was kept.
+        """Restore the last stored state.
 
         Args:
             state: the state before the first chunk of updates.
 
         Returns:
-            The state to continue from, and the rows of the chunks before it.
+            The state to continue from, and the rows of the chunks before it; `state` and no rows if nothing is stored.
         """
         return state, []
 
     def add(self, state: State, rows: list[Row]) -> None:
-        """Take note of a chunk of updates.
+        """Report a finished chunk of updates.
 
         Args:
-            state: the state after it.
+            state: the state after the chunk.
             rows: the rows of all chunks so far.
         """
 
 
 @runtime_checkable
 class Agent(Protocol):
-    """Something that learns: settings, and two functions."""
+    """A learning agent: its settings, a function that trains, and a function that makes a policy."""
 
     @property
     def name(self) -> str:
@@ -165,11 +165,11 @@ class Agent(Protocol):
 
         Args:
             key: source of all randomness of the training.
-            problem: what is to be learned.
+            problem: the learning problem.
             log: receives the progress, and restores an interrupted training.
 
         Returns:
-            The parameters, and the learning curve: a dataclass of equally long columns, one of them named `frames`.
+            The parameters, and the learning curve: a dataclass of columns of equal length, one of them named `frames`.
 
         Raises:
             InputError: the settings do not suit the problem.
@@ -181,8 +181,8 @@ class Agent(Protocol):
 
         Args:
             parameters: the result of `train`.
-            world: the scenes to act in.
-            targets: the targets to find.
+            world: the scenes.
+            targets: the targets.
 
         Returns:
             The policy.
@@ -198,11 +198,11 @@ class MultiSeedAgent(Agent, Protocol):
     """An agent that can train several seeds in one compiled program."""
 
     def prefers_joint_training(self) -> bool:
-        """Whether that is faster on the devices at hand."""
+        """Whether joint training is faster on the available devices."""
         ...
 
     def train_jointly(
         self, keys: Sequence[PRNGKeyArray], problems: Sequence[TrainingProblem], log: TrainingLog
     ) -> list[tuple[Parameters, Any]]:
-        """Train one network for each seed, see `Agent.train`."""
+        """Train one network for each seed; see `Agent.train`."""
         ...

@@ -21,15 +21,15 @@ from relm_irl_jax.tasks import Target
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class World:
-    """The states of several scenes, numbered consecutively.
+    """Several scenes, with all their states numbered consecutively.
 
     Attributes:
         successor: next state for each action; a collision leads back to the state.
         scene: number of each state's scene.
         local: number of each state within its scene.
         features: encoded view of each state.
-        room_type: number of each scene's room type among those of the training scenes; -1 if it was never trained.
-        training_scene: number of each scene among the training scenes; -1 if it is none of them.
+        room_type: number of each scene's room type among those of the training scenes; -1 for other room types.
+        training_scene: number of each scene among the training scenes; -1 for other scenes.
         names: names of the scenes, for messages. Static.
     """
 
@@ -55,12 +55,12 @@ class Targets:
     Attributes:
         state: the target's state in the world.
         scene: number of the target's scene.
-        start: states that can reach the target, the target itself left out; rows are padded at the end.
+        start: states that can reach the target, without the target itself; rows are padded at the end.
         n_starts: number of valid entries in each row of `start`.
-        distance: least number of actions to the target from each local state of its scene; -1 where there is no
-            path and in the padding.
-        predicted_reward: reward predicted for each state of the world with this target, r̂(s, g) in [-1, 0], where the
-            agent observes it; 0 in other scenes.
+        distance: smallest number of actions to the target from each local state of its scene; -1 if there is no path,
+            and in the padding.
+        predicted_reward: predicted reward r̂(s, g) of each state of the world for this target, in [-1, 0]; 0 in other
+            scenes. None unless the agent observes it.
     """
 
     state: Int32[Array, "targets"]
@@ -76,10 +76,10 @@ def build_world(scenes: Sequence[Scene], training: Sequence[Scene] | None = None
 
     Args:
         scenes: encoded scenes.
-        training: the training scenes, which number the room types; `scenes` themselves where None.
+        training: the training scenes, which define the numbers of room types; by default `scenes`.
 
     Returns:
-        The world; the state `local` of scene `i` becomes `scene_offsets(scenes)[i] + local`.
+        The world; state `local` of scene `i` has number `scene_offsets(scenes)[i] + local`.
 
     Raises:
         InputError: a scene has no features.
@@ -103,18 +103,18 @@ def build_world(scenes: Sequence[Scene], training: Sequence[Scene] | None = None
 
 
 def _number(names: Sequence[str], name: str) -> int:
-    """Place of a name in a list; -1 if it is not there."""
+    """Position of a name in a list; -1 if it is not in the list."""
     return names.index(name) if name in names else -1
 
 
 def scene_offsets(scenes: Sequence[Scene]) -> list[int]:
-    """Number in the world of each scene's first state.
+    """World number of each scene's first state.
 
     Args:
         scenes: the scenes in the order of the world.
 
     Returns:
-        One offset a scene.
+        One offset for each scene.
     """
     return [int(offset) for offset in np.cumsum([0, *(scene.n_states for scene in scenes)])[:-1]]
 
@@ -124,10 +124,10 @@ def build_targets(scenes: Sequence[Scene], targets: Sequence[Target]) -> Targets
 
     Args:
         scenes: the scenes of the world, in its order.
-        targets: the targets in the order of their scenes; `Target.scene` numbers `scenes`.
+        targets: the targets in the order of their scenes; `Target.scene` is an index into `scenes`.
 
     Returns:
-        The tables, one row a target.
+        The tables, one row for each target.
 
     Raises:
         InputError: no other state of its scene can reach a target.

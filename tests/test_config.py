@@ -33,10 +33,10 @@ def test_there_are_experiments():
         ("[siamese]\nworkres = 3", r"c\.toml: unknown field `siamese\.workres`; did you mean `siamese\.workers`\?"),
         (
             "[irl.max_margin]\nx = 3\n[siamese]\nwidth = 0",
-            r"unknown field `irl\.max_margin\.x`; known here are form, .*",
+            r"unknown field `irl\.max_margin\.x`; known fields: form, .*",
         ),
-        ("frames = 0\nworkres = 3", r"c\.toml: unknown field `workres`; known here are task, methods, .*"),
-        ("[anything.at.all]\nx = 1", r"c\.toml: unknown field `anything`; known here are task, .*"),
+        ("frames = 0\nworkres = 3", r"c\.toml: unknown field `workres`; known fields: task, methods, .*"),
+        ("[anything.at.all]\nx = 1", r"c\.toml: unknown field `anything`; known fields: task, .*"),
         ("siamese = 3", r"c\.toml: `siamese` is a group of fields; write `siamese\.FIELD`"),
         ("irl.max_margin = 3", r"c\.toml: `irl\.max_margin` is a group of fields; write `irl\.max_margin\.FIELD`"),
         ("frames.x = 3", r"c\.toml: frames = {'x': 3} is refused: input should be a valid integer"),
@@ -52,7 +52,7 @@ def test_refusals_name_file_and_field(tmp_path, text, message):
 
 def test_a_json_file_without_fields_is_refused(tmp_path):
     (tmp_path / "c.json").write_text("[1, 2]")
-    with pytest.raises(InputError, match=r"c\.json: must hold an object of fields"):
+    with pytest.raises(InputError, match=r"c\.json: must contain an object of fields"):
         load_config(tmp_path / "c.json")
 
 

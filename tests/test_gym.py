@@ -127,7 +127,7 @@ def test_stable_baselines3_trains_on_it_as_it_is(room):
     [
         ({"scene": "attic-0"}, "neither a scene file nor a built-in room"),
         ({"target": "piano"}, "shows no piano"),
-        ({"target": 99}, "give states of 0 to 35"),
+        ({"target": 99}, "give states from 0 to 35"),
         ({"cap": 0}, "cap = 0 is refused"),
         ({"obs": "sound"}, "give features or frames"),
     ],

@@ -95,7 +95,7 @@ def test_an_agent_can_be_watched(first, folder):
             assert shown == FRAME_MILLISECONDS * (steps + 4)
             assert picture.size == (3 * 32, 32)
         assert steps >= shortest > 0
-        assert ("not found" in outcome) == (steps == 100)
+        assert ("not reached" in outcome) == (steps == 100)
 
 
 def test_a_run_is_continued_with_another_method(first, folder):
@@ -128,7 +128,7 @@ def test_the_command_starts_as_a_process_of_its_own(tmp_path):
         [sys.executable, "-m", "relm_irl_jax", "evaluate", "nowhere"], cwd=tmp_path, capture_output=True, text=True
     )
     assert done.returncode == 2
-    assert done.stderr.startswith("relm-irl: run: nowhere holds no config.json")
+    assert done.stderr.startswith("relm-irl: run: nowhere contains no config.json")
 
 
 @pytest.mark.parametrize(
@@ -137,17 +137,17 @@ def test_the_command_starts_as_a_process_of_its_own(tmp_path):
         (("train", "--task", "IV"), "invalid choice 'IV'"),
         (("train", "--methods", "magic"), "invalid choice 'magic'"),
         (("train", "--frames", "0"), "frames = '0' is refused"),
-        (("train", "--scenes", "nowhere"), "nowhere is no folder"),
-        (("train", "--scenes", "empty"), "holds no file ending in .h5"),
+        (("train", "--scenes", "nowhere"), "nowhere is not a folder"),
+        (("train", "--scenes", "empty"), "contains no file ending in .h5"),
         (("train", "--scenes", "malformed"), "scene.h5: cannot be read as HDF5"),
-        (("train", "--run", "one"), "one holds agents trained with"),
+        (("train", "--run", "one"), "one contains agents trained with"),
         (("train", "--agent", "metric", "--methods", "bc"), "methods: bc clones the siamese agent's policy"),
-        (("evaluate", "empty"), "holds no config.json"),
+        (("evaluate", "empty"), "contains no config.json"),
         (("train", "--config", "absent.toml"), "absent.toml: cannot be read"),
-        (("train", "--resume", "empty"), "holds no config.json"),
-        (("train", "--resume", "one", "--frames", "7"), "one holds agents trained with frames = 1536, not 7"),
+        (("train", "--resume", "empty"), "contains no config.json"),
+        (("train", "--resume", "one", "--frames", "7"), "one contains agents trained with frames = 1536, not 7"),
         (("train", "--resume"), "--resume: the folder is missing"),
-        (("train", "--resume", "one", "--config", str(EXPERIMENT)), "the run brings its own configuration"),
+        (("train", "--resume", "one", "--config", str(EXPERIMENT)), "the run already has a configuration"),
     ],
 )
 def test_bad_input_is_one_sentence_and_exit_code_2(first, folder, arguments, sentence):

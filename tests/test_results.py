@@ -102,11 +102,11 @@ def test_missing_and_misnamed_files_are_named(tmp_path):
     folder = RunFolder(tmp_path)
     with pytest.raises(InputError, match=r"results\.json: cannot be read"):
         load_results(folder)
-    with pytest.raises(InputError, match="holds no results; run `relm-irl evaluate"):
+    with pytest.raises(InputError, match="contains no results; run `relm-irl evaluate"):
         load_all_results(folder)
     save_results(folder, results("II", {"rl": [0.25]}))
     folder.results("II").rename(folder.results("I"))
-    with pytest.raises(InputError, match="task = 'II' is not the task of the file's name"):
+    with pytest.raises(InputError, match="task = 'II' contradicts the file's name"):
         load_all_results(folder)
 
 

@@ -15,7 +15,7 @@ def test_a_run_is_found_again_and_held_to_what_it_trained(tmp_path):
     assert find_run(tmp_path / "run") == (folder, config)
     assert open_run(replace(config, seeds=3)) == folder
     assert find_run(tmp_path / "run")[1].seeds == 3
-    with pytest.raises(InputError, match="holds agents trained with frames = 10, not 11"):
+    with pytest.raises(InputError, match="contains agents trained with frames = 10, not 11"):
         open_run(replace(config, frames=11))
 
 
@@ -23,7 +23,7 @@ def test_other_folders_are_refused(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="is a file; give a folder"):
         open_run(Config(run=tmp_path / "file"))
-    with pytest.raises(InputError, match=r"is not empty and holds no config\.json"):
+    with pytest.raises(InputError, match=r"is not empty and contains no config\.json"):
         open_run(Config(run=tmp_path))
-    with pytest.raises(InputError, match=r"holds no config\.json"):
+    with pytest.raises(InputError, match=r"contains no config\.json"):
         find_run(tmp_path)

@@ -60,8 +60,8 @@ def test_poses_are_those_of_the_scene():
 @pytest.mark.parametrize(
     ("change", "fault"),
     [
-        ({"target": 24}, "target is no state of bathroom-0"),
-        ({"start": -1}, "start is no state of bathroom-0"),
+        ({"target": 24}, "target is not a state of bathroom-0"),
+        ({"start": -1}, "start is not a state of bathroom-0"),
         ({"values": {}}, "there are no values"),
         ({"limits": (1.0, 0.0)}, "limits are not ascending"),
     ],
@@ -72,9 +72,9 @@ def test_maps_that_cannot_be_are_refused(change, fault):
 
 
 def test_paths_that_leave_the_scene_are_refused():
-    with pytest.raises(InputError, match="path is no state of bathroom-0"):
+    with pytest.raises(InputError, match="path is not a state of bathroom-0"):
         episode([0, 99])
-    with pytest.raises(InputError, match="rotation is none of"):
+    with pytest.raises(InputError, match="rotation is not one of"):
         replace(POSES, rotation=POSES.rotation + 1)
 
 
@@ -91,7 +91,7 @@ def damage(path, *, drop=(), arrays=None, **fields):
         ({"drop": ["rotation"]}, "'rotation' is missing"),
         ({"drop": ["values/rl"]}, "'values/rl' is missing"),
         ({"arrays": {"location": np.zeros((24, 2)) * np.nan}}, "location is not finite"),
-        ({"target": 99}, "target is no state"),
+        ({"target": 99}, "target is not a state"),
         ({"target": "x"}, "invalid literal"),
         ({"limits": [1]}, "index out of range"),
         ({"methods": 3}, "not iterable"),

@@ -97,7 +97,7 @@ def test_tasks_name_their_targets():
 
 
 def test_too_many_targets_are_refused():
-    with pytest.raises(InputError, match=r"tasks\.training_targets: 99 asked for"):
+    with pytest.raises(InputError, match=r"tasks\.training_targets: 99 is too large"):
         draw_split(scenes(0, 3), (), TaskSettings(training_targets=99), 0)
 
 

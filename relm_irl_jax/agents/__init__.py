@@ -1,1 +1,1 @@
-"""Agents: what learns to navigate. Each has a folder of its own and implements `relm_irl_jax.types.Agent`."""
+"""Agents. Each has its own folder and implements `relm_irl_jax.types.Agent`."""

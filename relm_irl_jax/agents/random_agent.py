@@ -12,7 +12,7 @@ from relm_irl_jax.types import NO_MEMORY, Memory, Observation
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class RandomPolicy:
-    """Acts uniformly at random."""
+    """Draws actions uniformly at random."""
 
     def init(self, shape: tuple[int, ...]) -> Memory:
         """No memory."""

@@ -1,4 +1,4 @@
-"""Acting: every worker takes t_max steps with the same parameters."""
+"""Rollouts: every worker takes t_max steps with the same parameters."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,14 +18,14 @@ Act = Callable[
     [PRNGKeyArray, Memory, Observation, Int32[Array, "groups batch"]],
     tuple[Memory, Int32[Array, "groups batch"], Any],
 ]
-"""Maps a key, memories, observations and targets of all workers to the next memories, one action for each worker, and
-whatever else learning needs."""
+"""Maps a key and the memories, observations and targets of all workers to the next memories, the actions, and further
+outputs that learning needs."""
 
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Workers:
-    """Many workers between two steps.
+    """The state of all workers between two steps.
 
     Attributes:
         episode: each worker's episode; every field is [groups, batch].
@@ -41,17 +41,17 @@ class Workers:
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Experience:
-    """Steps of all workers; the leading axis is time.
+    """Transitions of all workers; the leading axis is time.
 
     Attributes:
         state: state before the action.
         target: row of `Targets`.
         action: action taken.
         reward: reward received.
-        next_state: state after the action, also where the episode ended.
+        next_state: state after the action, before any reset.
         terminated: the action reached the target.
         truncated: the action was the episode's last allowed one.
-        output: what `Act` returned beside the action.
+        output: the further outputs of `Act`.
     """
 
     state: Int32[Array, "*time groups batch"]
@@ -67,14 +67,14 @@ class Experience:
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class EpisodeSums:
-    """Sums over the episodes that ended, from which rates and means follow.
+    """Sums over the episodes that ended, from which means are computed.
 
     Attributes:
-        episodes: episodes ended.
-        successes: episodes that reached the target.
-        excess_length: path length minus shortest path, summed, in actions.
-        weighted_successes: success weighted by path length, summed.
-        reward: rewards of all steps, summed.
+        episodes: number of episodes that ended.
+        successes: number of episodes that reached the target.
+        excess_length: sum of path length minus shortest path, in actions.
+        weighted_successes: sum of success weighted by path length.
+        reward: sum of the rewards of all steps.
     """
 
     episodes: Float32[Array, "*updates"]
@@ -87,13 +87,13 @@ class EpisodeSums:
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class NavigationTask:
-    """What the rollout looks up and does not change.
+    """The constant inputs of a rollout.
 
     Attributes:
         world: the scenes.
         targets: the targets.
-        target_range: targets that each worker draws from; every field is [groups, batch].
-        reward: pays every transition.
+        target_range: targets from which each worker draws; every field is [groups, batch].
+        reward: the reward function.
         cap: number of steps after which an episode is truncated.
     """
 
@@ -105,7 +105,7 @@ class NavigationTask:
 
 
 def sample_action(key: PRNGKeyArray, logits: Float32[Array, "*batch 4"]) -> Int32[Array, "*batch"]:
-    """Draw actions from the softmax of logits with one uniform number each, by inverting the cumulative sum.
+    """Draw actions from the softmax of logits, by inverting the cumulative distribution with one uniform number each.
 
     Args:
         key: source of randomness.
@@ -120,7 +120,7 @@ def sample_action(key: PRNGKeyArray, logits: Float32[Array, "*batch 4"]) -> Int3
 
 
 def choose_action(key: PRNGKeyArray, logits: Float32[Array, "*batch 4"], greedy: bool) -> Int32[Array, "*batch"]:
-    """The most probable actions, or actions drawn from the policy.
+    """Choose the most probable actions, or draw actions from the policy.
 
     Args:
         key: source of randomness.
@@ -151,7 +151,7 @@ def init_workers(key: PRNGKeyArray, task: NavigationTask, memory: Memory) -> Wor
 def rollout(
     key: PRNGKeyArray, act: Act, workers: Workers, task: NavigationTask, initial_memory: Memory, length: int
 ) -> tuple[Workers, Experience, EpisodeSums]:
-    """Step all workers `length` times; where an episode ends, another one starts at once.
+    """Step all workers `length` times; when an episode ends, the worker starts another one.
 
     Args:
         key: source of randomness.
@@ -162,29 +162,29 @@ def rollout(
         length: steps to take. Static.
 
     Returns:
-        The workers afterwards, the experience, and sums over the episodes that ended.
+        The next state of the workers, the experience, and sums over the episodes that ended.
     """
-    pay = jax.vmap(jax.vmap(lambda transition: task.reward(transition, task.world, task.targets)))
+    reward_of = jax.vmap(jax.vmap(lambda transition: task.reward(transition, task.world, task.targets)))
 
     def advance(workers: Workers, key: PRNGKeyArray) -> tuple[Workers, tuple[Experience, EpisodeSums]]:
         action_key, reset_key = jax.random.split(key)
         episode = workers.episode
         observation = Observation(episode.state, workers.collided)
         memory, action, output = act(action_key, workers.memory, observation, episode.target)
-        after, transition = env.step(episode, action, task.world, task.targets, task.cap)
-        reward = pay(transition)
+        next_episode, transition = env.step(episode, action, task.world, task.targets, task.cap)
+        reward = reward_of(transition)
         done = transition.terminated | transition.truncated
-        shortest = env.shortest_path(after, task.world, task.targets)
+        shortest = env.shortest_path(next_episode, task.world, task.targets)
         ended, reached = done.astype(jnp.float32), transition.terminated.astype(jnp.float32)
         sums = EpisodeSums(
             episodes=ended.sum(),
             successes=reached.sum(),
-            excess_length=(ended * (after.steps - shortest).astype(jnp.float32)).sum(),
-            weighted_successes=(reached * shortest.astype(jnp.float32) / after.steps.astype(jnp.float32)).sum(),
+            excess_length=(ended * (next_episode.steps - shortest).astype(jnp.float32)).sum(),
+            weighted_successes=(reached * shortest.astype(jnp.float32) / next_episode.steps.astype(jnp.float32)).sum(),
             reward=reward.sum(),
         )
-        following = Workers(
-            episode=env.select(done, env.reset_all(reset_key, task.targets, task.target_range), after),
+        next_workers = Workers(
+            episode=env.select(done, env.reset_all(reset_key, task.targets, task.target_range), next_episode),
             memory=env.select(done, initial_memory, memory),
             collided=transition.collided & ~done,
         )
@@ -198,7 +198,7 @@ def rollout(
             truncated=transition.truncated,
             output=output,
         )
-        return following, (experience, sums)
+        return next_workers, (experience, sums)
 
     workers, (experience, sums) = jax.lax.scan(advance, workers, jax.random.split(key, length))
     return workers, experience, jax.tree.map(jnp.sum, sums)

@@ -1,4 +1,4 @@
-"""What the training of every agent shares: the host's loop over chunks of updates, and the learning curve."""
+"""The training loop over chunks of updates, and the learning curve: the parts of training that all agents share."""
 
 import dataclasses
 from collections.abc import Callable, Sequence
@@ -13,23 +13,23 @@ from relm_irl_jax.agents.rollout import EpisodeSums
 from relm_irl_jax.types import Row, State, TrainingLog
 
 Curve = TypeVar("Curve")
-"""A dataclass of equally long columns, one of them named `frames`."""
+"""A dataclass of columns of equal length, one of them named `frames`."""
 
 UPDATES_PER_CHUNK = 8
-"""Updates that one call of a compiled program runs: one row of the learning curve and one step of the progress bar."""
+"""Updates of one call of the compiled program, which gives one row of the learning curve."""
 
 
 @dataclass(frozen=True)
 class LearningCurve:
-    """Training performance, one entry for each chunk of updates; NaN where no episode ended in a chunk.
+    """Training performance, one entry for each chunk of updates; metrics are NaN for chunks in which no episode ended.
 
     Attributes:
         frames: frames of all workers up to the end of the chunk.
-        episodes: episodes ended in the chunk.
-        success_rate: share of them that reached the target.
-        path_length_error: their mean path length minus shortest path, in actions (Equation 36).
-        spl: their success weighted by path length (Equation 37).
-        reward: mean reward a frame.
+        episodes: number of episodes that ended in the chunk.
+        success_rate: share of these episodes that reached the target.
+        path_length_error: mean path length minus shortest path of these episodes, in actions (Equation 36).
+        spl: mean success weighted by path length of these episodes (Equation 37).
+        reward: mean reward per frame.
     """
 
     frames: Float64[np.ndarray, "chunks"]
@@ -42,12 +42,12 @@ class LearningCurve:
 
 @dataclass(frozen=True)
 class Chunks:
-    """How the updates of a training are grouped; all chunks are alike, so that one compiled program runs them.
+    """The chunks of a training, all of the same size, so that one compiled program runs them.
 
     Attributes:
         count: number of chunks.
-        updates: updates of a chunk.
-        frames: frames of a chunk, all workers together.
+        updates: updates in a chunk.
+        frames: frames of all workers in a chunk.
     """
 
     count: int
@@ -59,26 +59,26 @@ def split_into_chunks(frames: int, frames_per_update: int) -> Chunks:
     """Group the updates of a training into chunks.
 
     Args:
-        frames: frames asked for; rounded up to whole chunks.
+        frames: frames of the training; rounded up to whole chunks.
         frames_per_update: frames of one update.
 
     Returns:
         The chunks.
     """
-    wanted = -(-frames // frames_per_update)
-    updates = min(UPDATES_PER_CHUNK, wanted)
-    return Chunks(count=-(-wanted // updates), updates=updates, frames=updates * frames_per_update)
+    total_updates = -(-frames // frames_per_update)
+    updates = min(UPDATES_PER_CHUNK, total_updates)
+    return Chunks(count=-(-total_updates // updates), updates=updates, frames=updates * frames_per_update)
 
 
 def run_chunks(
     state: State, run_chunk: Callable[[State, int], tuple[State, Row]], chunks: Chunks, log: TrainingLog
 ) -> tuple[State, list[Row]]:
-    """The host's loop of every training.
+    """Run all chunks of a training, on the host.
 
     Args:
         state: the state before the first chunk.
-        run_chunk: maps a state and the number of the chunk, from 0, to the next state and the chunk's row. It depends
-            on nothing else that changes, so that an interrupted training continues as if it had not been interrupted.
+        run_chunk: maps a state and the index of the chunk, from 0, to the next state and the chunk's row. It must not
+            depend on anything else that changes, so that an interrupted training continues with identical results.
         chunks: the chunks.
         log: receives the progress, and restores an interrupted training.
 
@@ -94,11 +94,11 @@ def run_chunks(
 
 
 def learning_row(sums: EpisodeSums, number: int, chunks: Chunks) -> dict[str, float]:
-    """Means of a chunk from its sums.
+    """Compute the learning curve's row of a chunk.
 
     Args:
-        sums: over the chunk.
-        number: of the chunk, from 0.
+        sums: sums over the chunk.
+        number: index of the chunk, from 0.
         chunks: the chunks.
 
     Returns:

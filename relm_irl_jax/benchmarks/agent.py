@@ -1,13 +1,12 @@
-"""Frames a second: the environment alone, acting, and training, beside a plain matrix product.
+"""Frames per second of the environment, of acting and of training, compared with a matrix product.
 
 Writes `agent.csv` and `agent.png`, and prints the table. The scenes are empty rooms with the built-in rooms' numbers of
-states, random features of 2048 numbers and a learned reward of 64; no rate depends on what the views show. An
-update's operations are counted by hand: products of the shared layer, both halves of the fusion layer and the heads,
-forward once and backward, as often as they are computed.
+states, random features of dimension 2048 and a learned reward of dimension 64; the rates do not depend on the content
+of views. The operations of an update are counted analytically: matrix products of the shared layer, both halves of the
+fusion layer and the heads, forward and backward.
 """
 
-import csv
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 
@@ -21,13 +20,14 @@ from rich.table import Table
 from relm_irl_jax import env
 from relm_irl_jax.agents.rollout import rollout, sample_action
 from relm_irl_jax.agents.settings import SiameseSettings
-from relm_irl_jax.agents.siamese.forward import through_frames, through_pairs
+from relm_irl_jax.agents.siamese.forward import passes_by_frames, passes_by_pairs
 from relm_irl_jax.agents.siamese.network import SiameseActorCritic
-from relm_irl_jax.agents.siamese.training import prepare, run_updates
+from relm_irl_jax.agents.siamese.training import prepare_training, run_updates
 from relm_irl_jax.agents.siamese.update import UpdateInputs, initial_memory, observe_views
 from relm_irl_jax.benchmarks.axes import label_log_axes
 from relm_irl_jax.benchmarks.irl import open_room
-from relm_irl_jax.benchmarks.timing import Timing, describe_machine, time_calls
+from relm_irl_jax.benchmarks.rows import write_rows
+from relm_irl_jax.benchmarks.timing import Timing, describe_computer, time_calls
 from relm_irl_jax.progress import progress_bar
 from relm_irl_jax.rewards.equation import LinearRewardForm
 from relm_irl_jax.rewards.functions import LinearReward
@@ -46,19 +46,19 @@ class Rate:
     """One timed case.
 
     Attributes:
-        what: `environment`, `acting` (environment and policy) or `training`.
+        case: `environment`, `acting` (environment and policy) or `training`.
         history: number of last views that the network observes.
         workers: number of workers.
         t_max: steps of each worker in a rollout or update.
-        frames: frames of a call.
-        first_seconds: the first call, compilation included.
-        median_seconds: of the calls after it.
-        worst_seconds: of the calls after it.
-        frames_per_second: at the median.
-        gflops: operations a second at the median, in 1e9; NaN where none are counted.
+        frames: frames in a call.
+        first_seconds: duration of the first call, including compilation.
+        median_seconds: median duration of the other calls.
+        worst_seconds: longest duration of the other calls.
+        frames_per_second: frames per second at the median duration.
+        gflops: operations per second at the median duration, in 1e9; NaN if they are not counted.
     """
 
-    what: str
+    case: str
     history: int
     workers: int
     t_max: int
@@ -100,21 +100,21 @@ def benchmark_problem() -> TrainingProblem:
 
 
 def operations(inputs: UpdateInputs, network: SiameseActorCritic, frames: int) -> float:
-    """Multiplications and additions of one update's products.
+    """Number of multiplications and additions in the matrix products of one update.
 
     Args:
-        inputs: gives the number of states, targets and features.
-        network: gives the width.
+        inputs: the update's inputs, which give the numbers of states, targets and features.
+        network: the network, which gives the width.
         frames: frames of an update.
 
     Returns:
-        Their number. A product costs as much again for the gradient with respect to its weights and to its input;
-        features have no gradient. The layers after the shared one are evaluated once more for the gradient, but for
-        pairs. The values after the rollout are left out.
+        The number. Each product needs as many operations again for the gradient with respect to its weights, and for
+        the gradient with respect to its input; features have no gradient. By frames, the layers after the shared layer
+        are evaluated again for the gradient. The values after the rollout are not counted.
     """
     states, features = inputs.task.world.features.shape
     width, targets = network.width, len(inputs.task.targets.state)
-    encoded = min(states, frames)  # tables over all states, or every frame by itself
+    encoded = min(states, frames)  # tables over all states, or every frame separately
     tabulated = network.history == 1 and states <= frames
     shared = 2 * 2 * (encoded + (0 if tabulated else targets)) * network.history * features * width
     fusion = 2 * (3 * encoded if tabulated else 4 * frames) * width * width + 2 * 3 * targets * width * width
@@ -131,9 +131,9 @@ def rates(settings: SiameseSettings, repeats: int) -> list[Rate]:
         repeats: timed calls after the first.
 
     Returns:
-        One row for each of the three.
+        One row for each case.
     """
-    state, inputs, form = prepare(jax.random.key(0), benchmark_problem(), settings)
+    state, inputs, form = prepare_training(jax.random.key(0), benchmark_problem(), settings)
     task, network = inputs.task, form.network
     shape = task.target_range.first.shape
     frames, length = task.target_range.first.size * settings.t_max, UPDATES * settings.t_max
@@ -144,18 +144,19 @@ def rates(settings: SiameseSettings, repeats: int) -> list[Rate]:
         def advance(episode, key):
             action_key, reset_key = jax.random.split(key)
             action = jax.random.randint(action_key, shape, 0, 4)
-            after, transition = env.step(episode, action, task.world, task.targets, task.cap)
+            next_episode, transition = env.step(episode, action, task.world, task.targets, task.cap)
             done = transition.terminated | transition.truncated
-            return env.select(done, env.reset_all(reset_key, task.targets, task.target_range), after), done.sum()
+            new_episode = env.reset_all(reset_key, task.targets, task.target_range)
+            return env.select(done, new_episode, next_episode), done.sum()
 
         return jax.lax.scan(advance, state.workers.episode, jax.random.split(key, length))
 
     @jax.jit
     def acting(key: PRNGKeyArray, parameters):
         if inputs.pairs is None:
-            forward, _ = through_frames(network, parameters, task.world, task.targets, frames)
+            forward, _ = passes_by_frames(network, parameters, task.world, task.targets, frames)
         else:
-            forward, _ = through_pairs(network, parameters, task.world, task.targets, inputs.pairs)
+            forward, _ = passes_by_pairs(network, parameters, task.world, task.targets, inputs.pairs)
 
         def act(key, memory, observation, target):
             memory, views = observe_views(memory, observation)
@@ -174,13 +175,13 @@ def rates(settings: SiameseSettings, repeats: int) -> list[Rate]:
         "training": (training, UPDATES * operations(inputs, network, frames)),
     }
     return [
-        _rate(what, settings, UPDATES * frames, time_calls(call, repeats), work) for what, (call, work) in cases.items()
+        _rate(case, settings, UPDATES * frames, time_calls(call, repeats), work) for case, (call, work) in cases.items()
     ]
 
 
-def _rate(what: str, settings: SiameseSettings, frames: int, timing: Timing, work: float) -> Rate:
+def _rate(case: str, settings: SiameseSettings, frames: int, timing: Timing, work: float) -> Rate:
     return Rate(
-        what,
+        case,
         settings.history,
         settings.workers,
         settings.t_max,
@@ -194,13 +195,13 @@ def _rate(what: str, settings: SiameseSettings, frames: int, timing: Timing, wor
 
 
 def plain_product(repeats: int) -> float:
-    """Rate of a square float32 product on this machine.
+    """Speed of a square float32 matrix product on this computer.
 
     Args:
         repeats: timed calls after the first.
 
     Returns:
-        Operations a second, in 1e9.
+        Operations per second, in 1e9.
     """
     a, b = jax.random.normal(jax.random.key(0), (2, 2048, 2048))
     multiply = jax.jit(jnp.matmul)
@@ -216,10 +217,10 @@ def main(
     """Run the benchmark.
 
     Args:
-        folder: where the table and the figure go.
+        folder: output folder of the table and the figure.
         repeats: timed calls of each case after the first.
-        workers: numbers of workers to sweep.
-        histories: numbers of observed views, with each of them.
+        workers: numbers of workers.
+        histories: numbers of observed views, each combined with all numbers of workers.
 
     Returns:
         The rows.
@@ -232,18 +233,15 @@ def main(
             rows += rates(replace(SiameseSettings(), workers=count, history=history), repeats)
             advance(1)
     peak = plain_product(repeats)
-    with (folder / "agent.csv").open("w", newline="") as file:
-        writer = csv.DictWriter(file, list(asdict(rows[0])))
-        writer.writeheader()
-        writer.writerows(asdict(row) for row in rows)
+    write_rows(folder / "agent.csv", rows)
     _draw(rows, folder / "agent.png")
-    caption = f"share: of a plain 2048 × 2048 float32 product, {peak:.0f} GFLOP/s"
-    table = Table(title=describe_machine(), caption=caption, padding=(0, 0))
+    caption = f"share: relative to a 2048 × 2048 float32 matrix product, {peak:.0f} GFLOP/s"
+    table = Table(title=describe_computer(), caption=caption, padding=(0, 0))
     for heading in ("", "views", "workers", "first s", "median ms", "worst ms", "frames/s", "GFLOP/s", "share"):
         table.add_column(heading, justify="right" if heading else "left", no_wrap=True)
     for row in rows:
         table.add_row(
-            row.what,
+            row.case,
             f"{row.history}",
             f"{row.workers}",
             f"{row.first_seconds:.1f}",
@@ -262,11 +260,11 @@ def _draw(rows: list[Rate], path: Path) -> None:
 
     figure = Figure(figsize=(5.2, 4.2), layout="constrained")
     axes = figure.subplots()
-    for what, history in dict.fromkeys((row.what, row.history) for row in rows):
-        own = [row for row in rows if (row.what, row.history) == (what, history)]
-        label = what if history == 1 else f"{what}, {history} views"
-        axes.loglog([row.workers for row in own], [row.frames_per_second for row in own], "o-", label=label)
-    axes.set(xlabel="workers", ylabel="frames a second")
+    for case, history in dict.fromkeys((row.case, row.history) for row in rows):
+        line = [row for row in rows if (row.case, row.history) == (case, history)]
+        label = case if history == 1 else f"{case}, {history} views"
+        axes.loglog([row.workers for row in line], [row.frames_per_second for row in line], "o-", label=label)
+    axes.set(xlabel="workers", ylabel="frames per second")
     label_log_axes(axes, [row.workers for row in rows])
     figure.legend(loc="outside lower center", ncols=2, frameon=False)
     figure.savefig(path, dpi=150)

@@ -1,4 +1,4 @@
-"""Logarithmic axes that are labelled with the measured sizes."""
+"""Logarithmic axes with labels at the measured sizes."""
 
 from collections.abc import Sequence
 
@@ -11,7 +11,7 @@ def label_log_axes(axes: Axes, sizes: Sequence[int]) -> None:
 
     Args:
         axes: the plot.
-        sizes: sizes measured, in any order.
+        sizes: the measured sizes, in any order.
     """
     plain = FuncFormatter(lambda value, _: f"{value:g}")
     axes.grid(alpha=0.3, which="both")
@@ -20,7 +20,7 @@ def label_log_axes(axes: Axes, sizes: Sequence[int]) -> None:
     axes.xaxis.set_major_formatter(plain)
     axes.yaxis.set_major_formatter(plain)
     low, high = axes.get_ylim()
-    # An axis of less than a decade may have no major tick at all.
+    # An axis that covers less than a decade may have no major tick.
     axes.yaxis.set_minor_formatter(plain if high / low < 10 else NullFormatter())
     axes.tick_params(labelsize=8)
     axes.tick_params(axis="x", rotation=45)

@@ -1,10 +1,9 @@
-"""Benchmark of the regularised ELM: against hpelm, at the project's largest size, and how it scales.
+"""Benchmark of the regularised ELM: comparison with hpelm, the largest size in this project, and scaling.
 
-The floor beside the measured times is the least work of any such method: one QR factorisation of the N × L hidden
-outputs, and one pass over an L × p array for each of L steps. It is measured on the same machine.
+The table also contains the minimum computation of any such method ("floor"), measured on the same computer: one QR
+factorisation of the N × L hidden outputs, and one pass over an L × p array for each of L steps.
 """
 
-import csv
 import warnings
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
@@ -21,7 +20,8 @@ from rich.console import Console
 from rich.table import Table
 
 from relm_irl_jax.benchmarks.axes import label_log_axes
-from relm_irl_jax.benchmarks.timing import REPEATS, describe_machine, time_calls
+from relm_irl_jax.benchmarks.rows import write_rows
+from relm_irl_jax.benchmarks.timing import REPEATS, describe_computer, time_calls
 from relm_irl_jax.elm.hidden_layer import HiddenLayer, draw_hidden_layer
 from relm_irl_jax.elm.least_squares import solve_output_weights
 from relm_irl_jax.elm.matrices import float64
@@ -41,10 +41,10 @@ PEER = Size(2000, 400, 64)
 """Size of the comparison with hpelm."""
 
 LARGEST = Size(2000, 1950, 256)
-"""Size of the project's largest use."""
+"""Largest size in this project."""
 
 LIMITS = {1: 60.0, 2: 25.0}
-"""Seconds allowed at the largest size on two cores, for each norm."""
+"""Time limit in seconds at the largest size on two cores, for each norm."""
 
 SCALING = {
     "L": [Size(2000, L, 64) for L in (50, 100, 200, 400, 800, 1600)],
@@ -65,14 +65,17 @@ class Measurement:
     """One measured case.
 
     Attributes:
-        case: `hpelm`, `largest`, or the axis along which the case lies.
-        method: what was timed.
-        N, L, p: samples, neurons, outputs.
-        first: seconds of the first call, compilation included.
-        median, worst: seconds of the repeats.
-        repeats: their number.
-        kept: neurons kept.
-        error: mean squared error on unseen samples, as a share of the targets' variance.
+        case: `hpelm`, `largest`, or the axis of the scaling figure.
+        method: the timed method.
+        N: number of samples.
+        L: number of neurons.
+        p: number of outputs.
+        first: seconds of the first call, including compilation.
+        median: median seconds of the other calls.
+        worst: largest number of seconds of the other calls.
+        repeats: number of the other calls.
+        kept: number of selected neurons.
+        error: mean squared error on test samples, as a share of the targets' variance.
     """
 
     case: str
@@ -90,7 +93,7 @@ class Measurement:
 
 @dataclass(frozen=True)
 class Problem:
-    """Inputs, targets and hidden outputs, to fit and to test on."""
+    """Inputs, targets and hidden outputs for training and testing."""
 
     X: Float64[np.ndarray, "samples inputs"]
     T: Float64[np.ndarray, "samples outputs"]
@@ -103,7 +106,7 @@ class Problem:
 
 @dataclass(frozen=True)
 class Fit:
-    """Neurons kept, and their output weights and intercept."""
+    """Selected neurons, their output weights and the intercept."""
 
     neurons: Int[np.ndarray, "kept"]
     coef: Float64[np.ndarray, "kept outputs"]
@@ -111,7 +114,7 @@ class Fit:
 
 
 def make_problem(size: Size) -> Problem:
-    """Smooth targets of random inputs, with a tenth of noise, and one hidden layer."""
+    """Random inputs, smooth targets with noise of standard deviation 0.1, and one hidden layer."""
     rng = np.random.default_rng(0)
     X = rng.standard_normal((size.N + 1000, INPUTS))
     T = np.tanh(X @ rng.standard_normal((INPUTS, size.p)) / np.sqrt(INPUTS))
@@ -122,7 +125,7 @@ def make_problem(size: Size) -> Problem:
 
 
 def fit(problem: Problem, norm: Literal[1, 2]) -> Fit:
-    """MRSR, PRESS of every prefix, and the refit: what `ELMRegressor.fit` does after drawing the layer."""
+    """MRSR, PRESS of every prefix, and the refit: the steps of `ELMRegressor.fit` after drawing the layer."""
     path = mrsr_path(problem.H, problem.T, norm)
     press = press_path_of_basis(path.basis, problem.T, problem.H.shape[1])
     neurons = path.order[: press.best_size]
@@ -130,7 +133,7 @@ def fit(problem: Problem, norm: Literal[1, 2]) -> Fit:
 
 
 def relative_error(T: Float64[np.ndarray, "test outputs"], prediction: Float64[np.ndarray, "test outputs"]) -> float:
-    """Mean squared error as a share of the variance."""
+    """Mean squared error divided by the variance."""
     return float(np.mean((T - prediction) ** 2) / np.mean((T - T.mean(axis=0)) ** 2))
 
 
@@ -138,14 +141,14 @@ def time_fit(case: str, size: Size, norm: Literal[1, 2], repeats: int) -> Measur
     """Time this library at one size."""
     problem = make_problem(size)
     timing = time_calls(lambda: fit(problem, norm), repeats)
-    found = fit(problem, norm)
-    error = relative_error(problem.T_test, problem.H_test[:, found.neurons] @ found.coef + found.intercept)
-    kept = len(found.neurons)
+    fitted = fit(problem, norm)
+    error = relative_error(problem.T_test, problem.H_test[:, fitted.neurons] @ fitted.coef + fitted.intercept)
+    kept = len(fitted.neurons)
     return Measurement(case, f"relm-irl-jax, norm {norm}", *size, **asdict(timing), kept=kept, error=error)
 
 
 def time_hpelm(size: Size, repeats: int) -> Measurement | None:
-    """Time hpelm's `train(…, "LOO", "OP")` with the same neurons; None where it is not installed."""
+    """Time hpelm's `train(…, "LOO", "OP")` with the same neurons; None if it is not installed."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -170,19 +173,19 @@ def time_hpelm(size: Size, repeats: int) -> Measurement | None:
 
 
 @jax.jit
-def _least_work(H, A, E):
+def _minimum_computation(H, A, E):
     """One QR factorisation, and one pass over an L × p array for each step."""
     Q, _ = jnp.linalg.qr(H)
     return Q, lax.fori_loop(0, H.shape[1], lambda i, a: 0.999 * a + 0.001 * E, A)
 
 
 def time_floor(case: str, size: Size, repeats: int) -> Measurement:
-    """Time the least work of any such method."""
+    """Time the minimum computation of any such method."""
     rng = np.random.default_rng(0)
     shapes = (size.N, size.L), (size.L, size.p), (size.L, size.p)
     with float64():
         H, A, E = (jnp.asarray(rng.standard_normal(shape)) for shape in shapes)
-        timing = time_calls(lambda: _least_work(H, A, E), repeats)
+        timing = time_calls(lambda: _minimum_computation(H, A, E), repeats)
     return Measurement(case, "floor", *size, **asdict(timing))
 
 
@@ -214,14 +217,14 @@ def draw_scaling(rows: list[Measurement], path: Path) -> None:
         label_log_axes(axes, [getattr(row, axis) for row in along])
     figure.axes[0].set_ylabel("seconds (median)")
     figure.axes[0].legend()
-    figure.suptitle(f"MRSR + PRESS of every prefix + refit: {describe_machine()}", fontsize=8)
+    figure.suptitle(f"MRSR + PRESS of every prefix + refit: {describe_computer()}", fontsize=8)
     figure.savefig(path, dpi=150)
 
 
 def print_table(console: Console, rows: list[Measurement]) -> None:
     """Print all measurements, and whether they are within the limits."""
-    caption = f"{rows[0].repeats} repeats; error: on unseen samples, as a share of the variance"
-    table = Table(title=f"ELM: MRSR + PRESS + refit\n{describe_machine()}", caption=caption, padding=(0, 0))
+    caption = f"{rows[0].repeats} repeats; error: mean squared error on test samples divided by the variance"
+    table = Table(title=f"ELM: MRSR + PRESS + refit\n{describe_computer()}", caption=caption, padding=(0, 0))
     for name in ("case", "method", "N × L × p", "first s", "median s", "worst s", "kept", "error"):
         table.add_column(name, justify="left" if name in ("case", "method") else "right", no_wrap=True)
     for row in rows:
@@ -243,7 +246,7 @@ def print_table(console: Console, rows: list[Measurement]) -> None:
     for norm, limit in LIMITS.items():
         method = f"relm-irl-jax, norm {norm}"
         if peer is not None:
-            console.print(f"norm {norm} is {peer / median['hpelm', method]:.1f} times as fast as hpelm (wanted: 10)")
+            console.print(f"norm {norm} is {peer / median['hpelm', method]:.1f} times as fast as hpelm (target: 10)")
         console.print(
             f"largest size, norm {norm}: {median['largest', method]:.1f} s (limit on two cores: {limit:.0f} s)"
         )
@@ -253,7 +256,7 @@ def main(folder: str | Path = "runs/bench/elm", repeats: int = REPEATS) -> list[
     """Run the benchmark, print its table, and save `elm.csv` and `elm.png`.
 
     Args:
-        folder: where the files go.
+        folder: output folder.
         repeats: timed calls of each case after the first.
 
     Returns:
@@ -266,10 +269,7 @@ def main(folder: str | Path = "runs/bench/elm", repeats: int = REPEATS) -> list[
     for row in measure_all(repeats):
         console.log(f"{row.case} {row.method} N={row.N} L={row.L} p={row.p}: {row.median:.3f} s")
         rows.append(row)
-        with (folder / "elm.csv").open("w", newline="") as file:
-            writer = csv.DictWriter(file, fieldnames=list(asdict(row)))
-            writer.writeheader()
-            writer.writerows(asdict(row) for row in rows)
+        write_rows(folder / "elm.csv", rows)
     print_table(console, rows)
     draw_scaling(rows, folder / "elm.png")
     return rows

@@ -1,9 +1,9 @@
-"""Images per second of the encoder at 224x224, compared with the same network in torch where torch is installed.
+"""Images per second of the encoder at 224x224, compared with the same network in torch if torch is installed.
 
-The programs take turns in one process on the same images, so that all run under the same load: this package, and torch
-in both of its memory layouts, with folded batch norms too. Wall-clock time depends on the load of the machine, and not
-equally for programs of several threads; processor time does not include other processes. On a busy machine compare the
-processor times of one thread: `taskset -c 0 relm-irl bench encoder`.
+The programs run in turn in one process on the same images, so that all have the same conditions: this package, and
+torch in both of its memory layouts, also with folded batch norms. Wall-clock time depends on the load of the computer,
+to a different extent for programs with several threads; processor time does not include other processes. On a busy
+computer, compare the processor times with one thread: `taskset -c 0 relm-irl bench encoder`.
 """
 
 import time
@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Float32, Float64
 from rich.table import Table
 
-from relm_irl_jax.benchmarks.timing import REPEATS, describe_machine
+from relm_irl_jax.benchmarks.timing import REPEATS, describe_computer
 from relm_irl_jax.features import weights
 from relm_irl_jax.features.encoder import IMAGENET_MEAN, IMAGENET_STD, Views, encode_batch
 from relm_irl_jax.features.resnet import STAGES, layers
@@ -27,12 +27,12 @@ SIZE = 224
 """Height and width of the images."""
 
 BATCH_SIZES = (8, 16, 32)
-"""Images encoded at once."""
+"""Numbers of images in a batch."""
 
 
 @dataclass(frozen=True)
 class Timing:
-    """Times of one program in seconds.
+    """Durations of one program in seconds.
 
     Attributes:
         wall: wall-clock time of each repeat.
@@ -51,7 +51,7 @@ def main() -> None:
         "torch": torch_program(state, channels_last=False),
         "torch channels last": torch_program(state, channels_last=True),
     }
-    table = Table(title=f"ResNet-50 at {SIZE}x{SIZE}, images/s\n{describe_machine()}")
+    table = Table(title=f"ResNet-50 at {SIZE}x{SIZE}, images/s\n{describe_computer()}")
     for heading in ("program", "batch", "wall median", "wall worst", "processor median"):
         table.add_column(heading, justify="left" if heading == "program" else "right")
     for batch in BATCH_SIZES:
@@ -67,11 +67,11 @@ def main() -> None:
             table.add_row(name, str(batch), *(f"{batch / value:.1f}" for value in seconds))
     console.print(table)
     if None in references.values():
-        console.print("torch (extra `peers`) is not installed: no comparison")
+        console.print("torch (extra `peers`) is not installed, so there is no comparison")
 
 
 def encode_views(params: weights.Params, views: Views) -> Float32[np.ndarray, "view 2048"]:
-    """Features of views by this package, copied to the host.
+    """Encode views with this package, and copy the features to the host.
 
     Args:
         params: parameters of `ResNet50`.
@@ -81,27 +81,27 @@ def encode_views(params: weights.Params, views: Views) -> Float32[np.ndarray, "v
 
 
 def measure_in_turn(programs: dict[str, Callable[[], object]]) -> dict[str, Timing]:
-    """Time programs in turn, repeatedly, so that all run under the same load; the first call of each is left out.
+    """Time programs in turn, repeatedly, so that all have the same conditions; the first call of each is not counted.
 
     Args:
         programs: the programs by name.
 
     Returns:
-        Times by name.
+        Durations by name.
     """
     wall: dict[str, list[float]] = {name: [] for name in programs}
     processor: dict[str, list[float]] = {name: [] for name in programs}
     for _ in range(REPEATS + 1):
         for name, program in programs.items():
-            started = time.perf_counter(), time.process_time()
+            start = time.perf_counter(), time.process_time()
             program()
-            wall[name].append(time.perf_counter() - started[0])
-            processor[name].append(time.process_time() - started[1])
+            wall[name].append(time.perf_counter() - start[0])
+            processor[name].append(time.process_time() - start[1])
     return {name: Timing(np.asarray(wall[name][1:]), np.asarray(processor[name][1:])) for name in programs}
 
 
 def torch_program(state: weights.StateDict, *, channels_last: bool) -> Callable[[np.ndarray], np.ndarray] | None:
-    """The same network in torch, with folded batch norms; None where torch is not installed.
+    """The same network in torch, with folded batch norms; None if torch is not installed.
 
     Args:
         state: the weights.

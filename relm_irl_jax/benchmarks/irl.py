@@ -1,15 +1,14 @@
-"""Speed of maximum-margin inverse reinforcement learning: `solve_many` against fresh cvxpy problems, and its scaling.
+"""Speed of maximum-margin inverse reinforcement learning: comparison of `solve_many` with cvxpy, and scaling.
 
-Writes `irl.csv` and `irl.png`, and prints the table. Problems are random pairs of start and target in an open square
-room with random features. Experts are computed before the timed part; factorising the features and starting the workers
-belong to it.
+Writes `irl.csv` and `irl.png`, and prints the table. Problems are random pairs of start and target in an empty square
+room with random features. The durations include the factorisation of the features and the start of the workers, but not
+the computation of experts.
 """
 
-import csv
 import resource
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +17,8 @@ from rich.console import Console
 from rich.table import Table
 
 from relm_irl_jax.benchmarks.axes import label_log_axes
-from relm_irl_jax.benchmarks.timing import describe_machine
+from relm_irl_jax.benchmarks.rows import write_rows
+from relm_irl_jax.benchmarks.timing import describe_computer
 from relm_irl_jax.experts import follow_expert, shortest_path_expert
 from relm_irl_jax.irl import MaxMarginProblem, MaxMarginSettings, Solution, reference_max_margin, solve_many
 from relm_irl_jax.irl.problem import Variant
@@ -27,7 +27,7 @@ from relm_irl_jax.scenes.scene import Scene, pose_graph, shortest_path_distances
 
 @dataclass(frozen=True)
 class Case:
-    """Size and kind of the problems."""
+    """Size and variant of the problems."""
 
     variant: Variant
     places: int
@@ -37,7 +37,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Measurement:
-    """One timed case; seconds are of all its problems, processor seconds include the workers'."""
+    """One timed case; seconds are for all its problems, processor seconds include the workers."""
 
     sweep: str
     variant: str
@@ -55,7 +55,7 @@ class Measurement:
 
 
 HEADLINE = Case("lp", 100, 2048, 2000)
-"""The budget: at most 30 s on two cores."""
+"""The main case; its time limit is 30 s on two cores."""
 
 
 def open_room(places: int) -> Scene:
@@ -76,8 +76,8 @@ def random_problems(case: Case, seed: int) -> list[MaxMarginProblem]:
     """Single-trajectory problems of one scene.
 
     Args:
-        case: sizes.
-        seed: of features, starts and targets.
+        case: size of the problems.
+        seed: seed of features, starts and targets.
 
     Returns:
         The problems.
@@ -100,9 +100,9 @@ def measure(sweep: str, case: Case, repeats: int, references: int) -> Measuremen
 
     Args:
         sweep: the series of measurements that the case belongs to.
-        case: size and kind of the problems.
+        case: size and variant of the problems.
         repeats: number of timed runs.
-        references: number of problems that cvxpy solves, too; the objectives must agree.
+        references: number of problems that cvxpy also solves; the objectives must agree.
 
     Returns:
         The measurement.
@@ -114,7 +114,8 @@ def measure(sweep: str, case: Case, repeats: int, references: int) -> Measuremen
         start, processor_start = time.perf_counter(), _processor_seconds()
         solutions = solve_many(problems, settings, description=f"{case.variant} {sweep}")
         seconds.append(time.perf_counter() - start)
-        get_reusable_executor().shutdown()  # The next run starts its own workers; only ended ones are accounted for.
+        # The processor time of workers is only available after they have ended; the next run starts new ones.
+        get_reusable_executor().shutdown()
         processor.append(_processor_seconds() - processor_start)
     each = _reference_seconds(problems[:references], solutions, settings) if references else np.nan
     return Measurement(
@@ -156,9 +157,9 @@ def main(folder: Path = Path("runs/bench/irl"), repeats: int = 3, references: in
     """Run the benchmark.
 
     Args:
-        folder: where the table and the figure go.
+        folder: output folder of the table and the figure.
         repeats: number of timed runs of each case.
-        references: number of problems of the headline cases that cvxpy solves, too.
+        references: number of problems of the headline cases that cvxpy also solves.
 
     Returns:
         The measurements.
@@ -174,12 +175,9 @@ def main(folder: Path = Path("runs/bench/irl"), repeats: int = 3, references: in
         # With at least half as many dimensions as states, the programs are dense and large.
         count = 100 if dimension <= 128 else 20
         rows.append(measure("dimension", Case("lp-l2", 100, dimension, count), repeats, 0))
-    with (folder / "irl.csv").open("w", newline="") as file:
-        writer = csv.DictWriter(file, list(asdict(rows[0])))
-        writer.writeheader()
-        writer.writerows(asdict(row) for row in rows)
+    write_rows(folder / "irl.csv", rows)
     _draw(rows, folder / "irl.png")
-    table = Table(title=f"Maximum-margin IRL: {describe_machine()}", padding=(0, 0))
+    table = Table(title=f"Maximum-margin IRL: {describe_computer()}", padding=(0, 0))
     for heading in ("sweep", "variant", "states", "d", "problems", "median s", "worst s", "per s", "gap", "× cvxpy"):
         table.add_column(heading, justify="left" if heading in ("sweep", "variant") else "right", no_wrap=True)
     for row in rows:
@@ -205,12 +203,12 @@ def _draw(rows: Sequence[Measurement], path: Path) -> None:
     figure = Figure(figsize=(10, 3.2), layout="constrained")
     for axes, sweep in zip(figure.subplots(1, 3), ("states", "dimension", "trajectories"), strict=True):
         for variant in ("lp", "lp-l2"):
-            own = [row for row in rows if row.sweep == sweep and row.variant == variant]
-            if own:
-                label = variant if sweep == "dimension" else f"{variant}, d = {own[0].dimension}"
-                each = [1e3 * row.median_seconds / row.trajectories for row in own]
-                axes.loglog([getattr(row, sweep) for row in own], each, "o-", label=label)
-        axes.set(xlabel=sweep, ylabel="milliseconds a problem")
+            line = [row for row in rows if row.sweep == sweep and row.variant == variant]
+            if line:
+                label = variant if sweep == "dimension" else f"{variant}, d = {line[0].dimension}"
+                milliseconds = [1e3 * row.median_seconds / row.trajectories for row in line]
+                axes.loglog([getattr(row, sweep) for row in line], milliseconds, "o-", label=label)
+        axes.set(xlabel=sweep, ylabel="milliseconds per problem")
         label_log_axes(axes, [getattr(row, sweep) for row in rows if row.sweep == sweep])
         axes.legend(frameon=False, fontsize=8)
     figure.savefig(path, dpi=150)

@@ -1,12 +1,11 @@
-"""Weak scaling: one update's time as devices are added, each with its own fixed number of workers.
+"""Weak scaling: the duration of an update for several numbers of devices, each with a fixed number of workers.
 
-Writes `scaling.csv` and prints the table. The devices are virtual ones of the host's processor and share its cores: n
-of them have n times the work of one and no more to do it with. The table shows what working together costs beside
-that, not how fast n processors would be. Every number of devices is measured in a process of its own, since it is
+Writes `scaling.csv` and prints the table. The devices are virtual devices of the host's processor, which share its
+cores: n devices have n times the computation of one device, but the same hardware. The table shows the overhead of
+distribution, not the speed of n processors. Every number of devices is measured in a separate process, since it is
 fixed when JAX starts.
 """
 
-import csv
 import json
 import os
 import subprocess
@@ -20,9 +19,10 @@ from rich.table import Table
 
 from relm_irl_jax.agents.settings import SiameseSettings
 from relm_irl_jax.agents.siamese.sharding import shard_workers
-from relm_irl_jax.agents.siamese.training import prepare, run_updates
+from relm_irl_jax.agents.siamese.training import prepare_training, run_updates
 from relm_irl_jax.benchmarks.agent import UPDATES, benchmark_problem
-from relm_irl_jax.benchmarks.timing import describe_machine, time_calls
+from relm_irl_jax.benchmarks.rows import write_rows
+from relm_irl_jax.benchmarks.timing import describe_computer, time_calls
 from relm_irl_jax.progress import progress_bar
 
 DEVICES = (1, 2, 4, 8)
@@ -30,15 +30,15 @@ DEVICES = (1, 2, 4, 8)
 
 @dataclass(frozen=True)
 class Scaling:
-    """One number of devices.
+    """Measurements with one number of devices.
 
     Attributes:
-        devices: their number.
-        workers: workers of all of them.
-        first_seconds: the first call, compilation included.
-        update_seconds: an update, at the median of the calls after it.
-        frames_per_second: of all workers.
-        exchanged_megabytes: gradient that an update averages over the devices.
+        devices: number of devices.
+        workers: total number of workers.
+        first_seconds: duration of the first call, including compilation.
+        update_seconds: median duration of an update in the other calls.
+        frames_per_second: frames of all workers per second.
+        exchanged_megabytes: size of the gradient that devices exchange in each update.
     """
 
     devices: int
@@ -49,25 +49,25 @@ class Scaling:
     exchanged_megabytes: float
 
 
-def scaled(settings: SiameseSettings, workers: int, repeats: int) -> Scaling:
+def measure(settings: SiameseSettings, workers: int, repeats: int) -> Scaling:
     """Time training on all devices of this process.
 
     Args:
-        settings: the agent's settings but for the workers.
+        settings: the agent's settings; the number of workers is ignored.
         workers: workers of each device.
         repeats: timed calls after the first.
 
     Returns:
-        The times.
+        The measurements.
     """
     devices = jax.device_count()
     settings = replace(settings, workers=workers * devices)
-    state, inputs, form = prepare(jax.random.key(0), benchmark_problem(), settings, devices)
+    state, inputs, form = prepare_training(jax.random.key(0), benchmark_problem(), settings, devices)
     state, inputs = shard_workers(state, inputs, jax.devices())
     timing = time_calls(lambda: run_updates(state, inputs, form=form, updates=UPDATES), repeats)
     target_range = inputs.task.target_range
     frames = target_range.first.size * settings.t_max * UPDATES
-    # Summed over the devices: the gradient with respect to θ, or to the four logits and the value of every pair.
+    # The exchanged gradient is that of θ, or that of the four logits and the value of every pair.
     exchanged = (
         sum(x.nbytes for x in jax.tree.leaves(state.parameters)) if inputs.pairs is None else 5 * 4 * inputs.pairs.count
     )
@@ -91,10 +91,10 @@ def main(
     """Run the benchmark.
 
     Args:
-        folder: where the table goes.
+        folder: output folder of the table.
         repeats: timed calls of each case after the first.
-        workers: workers of each device, a multiple of the three heads.
-        settings: the agent's settings but for the workers.
+        workers: workers of each device, a multiple of the number of heads, 3.
+        settings: the agent's settings; the number of workers is ignored.
         counts: numbers of devices.
 
     Returns:
@@ -104,17 +104,14 @@ def main(
     rows = []
     with progress_bar("scaling benchmark", len(counts), "cases") as advance:
         for count in counts:
-            rows.append(_measured_apart(count, settings, workers, repeats))
+            rows.append(_measure_in_subprocess(count, settings, workers, repeats))
             advance(1)
-    with (folder / "scaling.csv").open("w", newline="") as file:
-        writer = csv.DictWriter(file, list(asdict(rows[0])))
-        writer.writeheader()
-        writer.writerows(asdict(row) for row in rows)
+    write_rows(folder / "scaling.csv", rows)
     caption = (
-        "Virtual devices share this machine's cores: n of them have n times the work of one. Ratio: an update's time "
-        "over n times the first row's; 1 where working together costs nothing."
+        "Virtual devices share this computer's cores: n devices have n times the computation of one. Ratio: duration "
+        "of an update divided by n times that of the first row; 1 without overhead."
     )
-    table = Table(title=describe_machine(), caption=caption, padding=(0, 0))
+    table = Table(title=describe_computer(), caption=caption, padding=(0, 0))
     for heading in (
         "devices",
         "workers",
@@ -126,30 +123,31 @@ def main(
     ):
         table.add_column(heading, justify="right")
     for row in rows:
-        work = rows[0].update_seconds * row.devices / rows[0].devices
+        expected_seconds = rows[0].update_seconds * row.devices / rows[0].devices
         table.add_row(
             f"{row.devices}",
             f"{row.workers}",
             f"{row.first_seconds:.1f}",
             f"{1e3 * row.update_seconds:.1f}",
             f"{row.frames_per_second:,.0f}",
-            f"{row.update_seconds / work:.2f}",
+            f"{row.update_seconds / expected_seconds:.2f}",
             f"{row.exchanged_megabytes:.1f}" if row.devices > 1 else "",
         )
     Console().print(table)
     return tuple(rows)
 
 
-def _measured_apart(devices: int, settings: SiameseSettings, workers: int, repeats: int) -> Scaling:
+def _measure_in_subprocess(devices: int, settings: SiameseSettings, workers: int, repeats: int) -> Scaling:
     flag = f"--xla_force_host_platform_device_count={devices}"
     environment = os.environ | {"JAX_PLATFORMS": "cpu", "XLA_FLAGS": f"{os.environ.get('XLA_FLAGS', '')} {flag}"}
     task = json.dumps({"settings": asdict(settings), "workers": workers, "repeats": repeats})
-    done = subprocess.run(
+    completed = subprocess.run(
         [sys.executable, "-m", __name__, task], env=environment, stdout=subprocess.PIPE, text=True, check=True
     )
-    return Scaling(**json.loads(done.stdout))
+    return Scaling(**json.loads(completed.stdout))
 
 
 if __name__ == "__main__":
-    given = json.loads(sys.argv[1])
-    print(json.dumps(asdict(scaled(SiameseSettings(**given["settings"]), given["workers"], given["repeats"]))))
+    arguments = json.loads(sys.argv[1])
+    measured = measure(SiameseSettings(**arguments["settings"]), arguments["workers"], arguments["repeats"])
+    print(json.dumps(asdict(measured)))

@@ -1,15 +1,15 @@
-"""How every benchmark measures time: the first call apart, then the median and the worst of ten, on a named machine."""
+"""Timing of benchmarks: the first call, the median and the worst of the others, and the computer's description."""
 
 import os
-import platform
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import jax
 import numpy as np
+
+from relm_irl_jax.hardware import processor_name
 
 REPEATS = 10
 """Timed calls after the first."""
@@ -17,13 +17,13 @@ REPEATS = 10
 
 @dataclass(frozen=True)
 class Timing:
-    """Times of repeated calls, in seconds.
+    """Durations of repeated calls, in seconds.
 
     Attributes:
-        first: of the first call, compilation included.
-        median: of the calls after it.
-        worst: of the calls after it.
-        repeats: number of the calls after it.
+        first: duration of the first call, including compilation.
+        median: median duration of the other calls.
+        worst: longest duration of the other calls.
+        repeats: number of the other calls.
     """
 
     first: float
@@ -33,14 +33,14 @@ class Timing:
 
 
 def time_calls(call: Callable[[], Any], repeats: int = REPEATS) -> Timing:
-    """Time calls of a function, until the arrays that it returns are computed.
+    """Time calls of a function, including the computation of the returned arrays.
 
     Args:
         call: the function.
         repeats: number of timed calls after the first.
 
     Returns:
-        The times.
+        The durations.
     """
     seconds = []
     for _ in range(1 + repeats):
@@ -51,18 +51,13 @@ def time_calls(call: Callable[[], Any], repeats: int = REPEATS) -> Timing:
     return Timing(first, float(np.median(rest)), max(rest), repeats)
 
 
-def describe_machine() -> str:
-    """What a time depends on, as one line.
+def describe_computer() -> str:
+    """Describe the computer in one line.
 
     Returns:
-        Processor, cores available, their current load, and JAX's version and device.
+        Processor, available cores, current load, JAX version and device.
     """
-    cpu = platform.processor() or platform.machine()
-    info = Path("/proc/cpuinfo")
-    if info.exists():
-        names = [line.split(":", 1)[1].strip() for line in info.read_text().splitlines() if "model name" in line]
-        cpu = names[0] if names else cpu
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     device = jax.devices()[0]
     load = f", load {os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else ""
-    return f"{cpu}, {cores} cores{load}; JAX {jax.__version__} on {device.device_kind}"
+    return f"{processor_name()}, {cores} cores{load}; JAX {jax.__version__} on {device.device_kind}"

@@ -1,8 +1,7 @@
-"""The paper's ablation of the ELM (section 5.6, Figures 7 to 10), as functions of the data that return arrays.
+"""The paper's ablation of the ELM (section 5.6, Figures 7 to 10): functions from data to arrays.
 
 X holds the features of start and target of each pair, T its reward weights w. Accuracy is the coefficient of
-determination R², averaged over outputs: the paper does not define its accuracy, and R² too is 1 for a perfect
-prediction.
+determination R², averaged over outputs. The paper does not define its accuracy; R² is also 1 for a perfect prediction.
 """
 
 from collections.abc import Sequence
@@ -17,7 +16,7 @@ from sklearn.metrics import r2_score
 from relm_irl_jax.elm.regressor import ELMRegressor
 
 PAPER_SIZES = (1, 10, 50, 100, *range(200, 1801, 200), 1950, 2400, 3000, 4000, 4700, 6000, 8000)
-"""Numbers of neurons along the axis of Figure 7, closer where the paper's curve bends."""
+"""Numbers of neurons of Figure 7, denser where the paper's curve bends."""
 
 ALL_NEURONS: dict[str, Any] = {"ordering": "none", "selection": "none"}
 """Parameters of `ELMRegressor` that keep every neuron."""
@@ -29,8 +28,8 @@ SELECTIONS: dict[str, tuple[dict[str, Any], bool]] = {
     "all neurons, ridge by PRESS of pairs": ({**ALL_NEURONS, "ridge": "press"}, False),
     "all neurons, ridge by PRESS of targets": ({**ALL_NEURONS, "ridge": "press"}, True),
 }
-"""Ways to select neurons and penalty: parameters of `ELMRegressor`, and whether it is told which pairs share a target.
-The second is the paper's."""
+"""Methods to select neurons and ridge penalty: parameters of `ELMRegressor`, and whether PRESS leaves out all pairs of
+a target together. The second method is the paper's."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +39,7 @@ class Pairs:
     Attributes:
         X: inputs, one row per pair.
         T: targets, one row per pair.
-        target: number of each pair's target, by which PRESS may leave out pairs together.
+        target: number of each pair's target, a group label for PRESS.
     """
 
     X: Float[np.ndarray, "pairs inputs"]
@@ -70,10 +69,10 @@ class Regularisation:
     Attributes:
         truth: the test pairs' targets.
         elm: predictions of all neurons.
-        relm: predictions of the neurons that MRSR and PRESS keep.
-        elm_r2: R² of the former.
-        relm_r2: R² of the latter.
-        kept: number of neurons kept.
+        relm: predictions of the neurons that MRSR and PRESS select.
+        elm_r2: R² of `elm`.
+        relm_r2: R² of `relm`.
+        kept: number of selected neurons.
         press_curve: mean squared leave-one-out error of the first 1, 2, … neurons in MRSR order.
     """
 
@@ -88,11 +87,11 @@ class Regularisation:
 
 @dataclass(frozen=True)
 class SelectionResult:
-    """What one way to select neurons and penalty finds.
+    """Result of one method to select neurons and ridge penalty.
 
     Attributes:
         accuracy: R² on the test pairs.
-        kept: number of neurons kept.
+        kept: number of selected neurons.
         ridge: penalty on the output weights.
     """
 
@@ -150,7 +149,7 @@ def compare_regularisation(train: Pairs, test: Pairs, n_hidden: int = 1950, **pa
 
 
 def accuracy_by_selection(train: Pairs, test: Pairs, **parameters: Any) -> dict[str, SelectionResult]:
-    """What each of `SELECTIONS` finds with the same hidden layer.
+    """Results of all `SELECTIONS` with the same hidden layer.
 
     Args:
         train: pairs to fit.

@@ -7,8 +7,9 @@ A column that enters adds one vector q to an orthonormal basis of the active set
 
 a rank-one update of a columns × outputs array and one product with all columns, instead of a refit.
 
-Columns are kept orthogonal to the basis, so that q is what is left of the column that enters. Within a panel of `PANEL`
-entries only the products q·x_j are kept; the end of the panel subtracts them from all columns by one matrix product.
+All columns are stored as remainders orthogonal to the basis, so that q is the normalised remainder of the column that
+enters. Within a panel of `PANEL` entries only the products q·x_j are stored; the end of the panel subtracts them from
+all columns by one matrix product.
 """
 
 from dataclasses import dataclass, replace
@@ -23,7 +24,7 @@ from relm_irl_jax.elm.orthogonalisation import PANEL
 from relm_irl_jax.elm.step_length import first_tie
 
 REORTHOGONALISE = 0.05
-"""Share of a column's norm below which its remainder is projected once more against the whole basis."""
+"""Share of a column's norm below which its remainder is orthogonalised once more against the whole basis."""
 
 
 @jax.tree_util.register_dataclass
@@ -35,7 +36,7 @@ class ActiveSet:
 
     Attributes:
         column: column of X that each row stands for.
-        remainder: columns, as rows, less their part in the basis up to the current panel.
+        remainder: columns, as rows, minus their projection on the basis before the current panel.
         products: q·x_j of the panel's basis vectors with every row.
         basis: orthonormal basis of the active set, one row per entry.
         correlation: a_j = x_jᵀ(T - Y) with the residual.
@@ -49,8 +50,8 @@ class ActiveSet:
         step: γ after each entry.
         entry_correlation: c at each entry.
         entered: number of entries.
-        in_panel: those of the current panel.
-        running: whether a column is to enter next.
+        in_panel: number of entries in the current panel.
+        running: whether another column enters.
     """
 
     column: Int[Array, "rows"]
@@ -118,7 +119,7 @@ def enter_panel(
     """Enter up to `PANEL` columns, fewer if the path ends, and subtract them from the other columns.
 
     Args:
-        state: the state, whose buffers are used up.
+        state: the state; its buffers are donated.
         T: standardised targets.
         tolerance: norm below which the remainder of a column counts as zero, and share of the first cumulative
             correlation below which the path ends.
@@ -151,7 +152,7 @@ def _enter_column(state: ActiveSet, T, tolerance, norm: int) -> ActiveSet:
     row, k, i = state.next_row, state.entered, state.in_panel
     panel = lax.dynamic_slice_in_dim(state.basis, k - i, PANEL)
     x = state.remainder[row] - state.products[:, row] @ panel
-    # A unit column of which little is left carries the rounding of all that was subtracted.
+    # A small remainder of a unit column contains the rounding errors of everything that was subtracted.
     x = lax.cond(
         jnp.linalg.norm(x) < REORTHOGONALISE,
         lambda x, basis: x - (basis @ x) @ basis,
@@ -163,7 +164,7 @@ def _enter_column(state: ActiveSet, T, tolerance, norm: int) -> ActiveSet:
     enters = length > tolerance
     q = jnp.where(enters, x / jnp.where(enters, length, 1), 0)
     products = jnp.where(state.inactive, state.remainder @ q, 0)
-    # Written out once: fused into each of the sums over it, the update would be computed again in all of them.
+    # The barrier stores E once; otherwise XLA fuses its computation into each of the sums over it.
     E = lax.optimization_barrier(state.target_correlation - products[:, None] * (q @ T))
     inactive = state.inactive.at[row].set(False)
     s, next_row = first_tie(state.correlation, E, state.active_correlation, inactive, norm)
@@ -172,8 +173,8 @@ def _enter_column(state: ActiveSet, T, tolerance, norm: int) -> ActiveSet:
     c = (1 - gamma) * state.active_correlation
     entered = k + enters.astype(k.dtype)
     last = jnp.maximum(entered - 1, 0)
-    # If the column did not enter, the step is part of the last entry's: what is left of the way multiplies.
-    before = jnp.where(enters, 0, state.step[last])
+    # If the column did not enter, its step extends that of the last entry: the remaining fractions 1 - γ multiply.
+    previous_step = jnp.where(enters, 0, state.step[last])
     return replace(
         state,
         products=state.products.at[i].set(products),
@@ -185,7 +186,7 @@ def _enter_column(state: ActiveSet, T, tolerance, norm: int) -> ActiveSet:
         inactive=inactive,
         dependent=state.dependent.at[state.column[row]].set(~enters),
         order=state.order.at[k].set(jnp.where(enters, state.column[row], 0)),
-        step=state.step.at[last].set(1 - (1 - before) * (1 - gamma)),
+        step=state.step.at[last].set(1 - (1 - previous_step) * (1 - gamma)),
         entry_correlation=state.entry_correlation.at[k].set(jnp.where(enters, state.active_correlation, 0)),
         entered=entered,
         in_panel=i + enters.astype(i.dtype),
@@ -195,7 +196,7 @@ def _enter_column(state: ActiveSet, T, tolerance, norm: int) -> ActiveSet:
 
 @partial(jax.jit, static_argnames="rows")
 def drop_settled_rows(state: ActiveSet, *, rows: int) -> ActiveSet:
-    """Keep some rows, the inactive ones before all others; rows of columns that are settled need no more updates.
+    """Keep some rows, the inactive ones first; rows of columns that entered or are dependent need no more updates.
 
     Args:
         state: the state.

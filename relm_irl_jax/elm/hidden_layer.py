@@ -18,20 +18,20 @@ from relm_irl_jax.elm.matrices import float64, padded_length
 
 Activation = Literal["tanh", "sigmoid", "relu", "rbf", "linear"]
 ACTIVATIONS: tuple[Activation, ...] = get_args(Activation)
-"""Kinds of neuron; `linear` passes the standardised inputs through, one neuron per input."""
+"""Activation functions; `linear` has one neuron for each input, whose output is the standardised input."""
 
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Projection:
-    """Inputs as the neurons see them, before bias and activation.
+    """Inputs of the neurons before bias and activation.
 
-    It is a sum over inputs: disjoint parts of the inputs can be projected apart and added.
+    A projection is a sum over inputs: disjoint parts of the inputs can be projected separately and added.
 
     Attributes:
         product: w·x of every neuron.
         squared_norm: ‖x‖², which RBF neurons need.
-        squared_centre_norm: ‖w‖² of every neuron, likewise.
+        squared_centre_norm: ‖w‖² of every neuron, which RBF neurons need.
     """
 
     product: Float[Array, "samples neurons"] | Float[np.ndarray, "samples neurons"]
@@ -61,8 +61,8 @@ class HiddenLayer:
 
     Attributes:
         activation: one of `ACTIVATIONS`.
-        mean: of each input; subtracted.
-        scale: standard deviation of each input; divides after that.
+        mean: mean of each input, which is subtracted.
+        scale: standard deviation of each input, by which the difference is divided.
         weights: w of every neuron, or its centre.
         bias: b of every neuron; 1/(2d) for RBF.
     """
@@ -86,10 +86,10 @@ class HiddenLayer:
 
         Args:
             X: the inputs.
-            first: index of the first of them.
+            first: index of the first of these inputs.
 
         Returns:
-            Their share of the projection.
+            Their part of the projection.
         """
         part = slice(first, first + X.shape[1])
         with float64():
@@ -100,7 +100,7 @@ class HiddenLayer:
         """Outputs H of the neurons for projected inputs.
 
         Args:
-            projection: of all inputs.
+            projection: projection of all inputs.
 
         Returns:
             H.
@@ -109,10 +109,10 @@ class HiddenLayer:
             return np.asarray(_activate_jit(projection, self.bias, activation=self.activation))
 
     def select(self, neurons: Int[np.ndarray, "kept"]) -> "HiddenLayer":
-        """The layer with some of its neurons alone.
+        """A layer of some of the neurons.
 
         Args:
-            neurons: their indices, in the order wanted.
+            neurons: indices of the neurons, in the order of the new layer.
 
         Returns:
             The smaller layer.
@@ -126,8 +126,8 @@ def draw_hidden_layer(
     """Draw the weights of a layer for inputs like X.
 
     Args:
-        X: inputs, whose means and standard deviations standardise.
-        n_hidden: number of neurons; `linear` has one per input instead.
+        X: inputs, which give the means and standard deviations.
+        n_hidden: number of neurons; ignored by `linear`, which has one for each input.
         activation: one of `ACTIVATIONS`.
         rng: source of the weights.
 

@@ -1,20 +1,20 @@
-"""Leave-one-group-out errors of every prefix: each group of samples, such as all pairs of one target, left out at once.
+"""Leave-one-group-out errors of every prefix: all samples of a group, such as the pairs of one target, are left out.
 
-Samples of one group resemble each other. If one is left out alone, its group still tells the model what it was, and its
-error says nothing of new groups.
+Samples of one group resemble each other. If a single sample is left out, the others of its group still determine the
+prediction, and the error says nothing about new groups.
 
 For a group B, let Ĥ be the hat matrix of a prefix, M = (I - Ĥ_BB)⁻¹ and r_B the residuals of the fit to all samples.
 The residuals of the fit without the group are
 
     e = M r_B.
 
-Let q be the rows in B of the next column of an orthonormal basis, and c that column's product with the targets. Then
-the prefix that is one column longer has
+Let q be the rows in B of the next column of an orthonormal basis, and c that column's product with the targets. The
+prefix with this column has
 
     u = M q,    s = 1 - qᵀu,    e ← e + u (qᵀe - c) / s,    M ← M + u uᵀ / s.
 
-Groups of one sample have the leverages and residuals of Equation 34. A group that determines a coefficient alone keeps
-the error that it had before that column, as a sample of leverage one does.
+Groups of one sample have the leverages and residuals of Equation 34. If a group alone determines a coefficient, its
+error is that of the prefix before that column, as for a sample of leverage one.
 """
 
 from typing import Any
@@ -27,23 +27,22 @@ from jaxtyping import Array, Bool, Float, Int
 from relm_irl_jax.errors import InputError
 
 MAX_INVERSE_TRACE = 1e9
-"""Trace of (I - Ĥ_BB)⁻¹ from which a group keeps its last error: beyond it the quotient is rounding over rounding."""
+"""Trace of (I - Ĥ_BB)⁻¹ above which a group's error is no longer updated, since rounding dominates the quotient."""
 
 TILE = 256
-"""Samples whose residuals are followed through all prefixes at once: fewer take more time, and more leave the
-processor's cache."""
+"""Samples whose residuals are updated together through all prefixes: as many as fit in the processor's cache."""
 
 
 def rows_by_group(groups: Any, samples: int) -> Int[np.ndarray, "groups largest"]:
     """Row numbers of each group's samples.
 
     Args:
-        groups: one label per sample.
+        groups: one label for each sample.
         samples: number of samples.
 
     Returns:
-        One line per group, in the order of the sorted labels; -1 fills the lines of smaller groups. Lines of -1 alone
-        are appended, so that problems of similar shape share one compiled function.
+        One row for each group, in the order of the sorted labels, padded with -1. Rows of only -1 are appended, so that
+        problems of similar shape share one compiled function.
 
     Raises:
         InputError: there are not as many labels as samples, or all are equal.
@@ -53,11 +52,11 @@ def rows_by_group(groups: Any, samples: int) -> Int[np.ndarray, "groups largest"
         raise InputError(f"groups has shape {groups.shape}; it needs one label for each of the {samples} samples.")
     labels, number, sizes = np.unique(groups, return_inverse=True, return_counts=True)
     if len(labels) < 2:
-        raise InputError("groups: all samples belong to one group; leaving it out leaves none to fit.")
+        raise InputError("groups: all samples belong to one group; give at least two groups.")
     order = np.argsort(number, kind="stable")
-    place = np.arange(samples) - np.repeat(np.cumsum(sizes) - sizes, sizes)
+    position = np.arange(samples) - np.repeat(np.cumsum(sizes) - sizes, sizes)
     rows = np.full((-(-len(labels) // 16) * 16, -(-sizes.max() // 4) * 4), -1)
-    rows[number[order], place] = order
+    rows[number[order], position] = order
     return rows
 
 
@@ -68,18 +67,18 @@ def leave_group_out_sums(
     count: Int[Array, ""],
     intercept: Bool[Array, ""],
 ) -> tuple[Float[Array, "neurons"], Float[Array, ""], Int[Array, "neurons"]]:
-    """Squared errors of every prefix, with one group after the other left out.
+    """Squared leave-one-group-out errors of every prefix.
 
     Args:
-        Q: one row per sample of the orthonormal basis, in column order; zero columns for dependent ones.
+        Q: orthonormal basis in column order, one row for each sample; zero columns for dependent ones.
         T: targets, centred if there is an intercept.
-        group_rows: as `rows_by_group` gives them.
+        group_rows: result of `rows_by_group`.
         count: number of samples; zero rows may pad Q and T.
         intercept: whether the model fits one.
 
     Returns:
-        Squared errors summed over samples and outputs, of every prefix and of no column at all; and the number of
-        samples, for every prefix, in groups that keep an earlier error.
+        Squared errors summed over samples and outputs, of every prefix and of the model without columns; and for every
+        prefix, the number of samples in groups whose error is that of a smaller prefix.
     """
     C = Q.T @ T
     Q, T = (jnp.pad(matrix, ((0, 1), (0, 0))) for matrix in (Q, T))  # row -1 is zero

@@ -5,10 +5,10 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
 MAX_LEVERAGE = 1 - 1e-9
-"""Leverage from which a sample keeps its last error: beyond it the quotient is rounding over rounding."""
+"""Leverage above which a sample's error is no longer updated, since rounding dominates the quotient."""
 
 TILE = 32
-"""Samples whose residuals are followed through all prefixes at once, so that they stay in the processor's cache."""
+"""Samples whose residuals are updated together through all prefixes: as many as fit in the processor's cache."""
 
 
 def leave_one_out_sums(
@@ -17,17 +17,17 @@ def leave_one_out_sums(
     count: Int[Array, ""],
     intercept: Bool[Array, ""],
 ) -> tuple[Float[Array, "neurons"], Float[Array, ""], Int[Array, "neurons"]]:
-    """Squared errors of every prefix, with one sample after the other left out.
+    """Squared leave-one-out errors of every prefix.
 
     Args:
-        Q: one row per sample of the orthonormal basis, in column order; zero columns for dependent ones.
+        Q: orthonormal basis in column order, one row for each sample; zero columns for dependent ones.
         T: targets, centred if there is an intercept.
         count: number of samples; zero rows may pad Q and T.
         intercept: whether the model fits one, which adds 1/`count` to every leverage.
 
     Returns:
-        Squared errors summed over samples and outputs, of every prefix and of no column at all; and the number of
-        samples, for every prefix, whose leverage is one up to rounding.
+        Squared errors summed over samples and outputs, of every prefix and of the model without columns; and for every
+        prefix, the number of samples whose leverage is one up to rounding.
     """
     rows = len(Q)
     base = jnp.where(intercept, 1 / count, 0.0).astype(Q.dtype)

@@ -1,4 +1,4 @@
-"""Input of MRSR and PRESS: checked, centred or standardised, and padded to one of few shapes before it is compiled for.
+"""Preparation of the matrices of MRSR and PRESS: checks, centring or standardisation, and padding to a few shapes.
 
 These functions run on the host, in float64. `float64` is the context in which the package calls its compiled functions.
 """
@@ -14,7 +14,7 @@ from relm_irl_jax.errors import InputError
 
 
 def float64() -> Any:
-    """Context in which JAX computes in float64; the caller's global configuration stays as it is."""
+    """Context in which JAX computes in float64; it does not change the global configuration."""
     return jax.enable_x64(True)
 
 
@@ -23,13 +23,13 @@ def check_matrix(value: Any, name: str) -> Float64[np.ndarray, "rows columns"]:
 
     Args:
         value: array-like of real numbers.
-        name: how the message names it.
+        name: name of the value in the message.
 
     Returns:
         The matrix in float64.
 
     Raises:
-        InputError: it is empty, not a matrix of real numbers, or holds NaN or infinity.
+        InputError: the value is empty, not a matrix of real numbers, or contains NaN or infinity.
     """
     try:
         matrix = check_array(value, dtype=np.float64, ensure_2d=False, input_name=name)
@@ -42,7 +42,7 @@ def check_matrix(value: Any, name: str) -> Float64[np.ndarray, "rows columns"]:
 def check_regression(
     H: Any, T: Any
 ) -> tuple[Float64[np.ndarray, "samples neurons"], Float64[np.ndarray, "samples outputs"]]:
-    """Check regressors and targets, which share their rows.
+    """Check regressors and targets, which must have the same number of rows.
 
     Args:
         H: regressors, one row per sample.
@@ -67,7 +67,7 @@ def centre_columns(
 
     Args:
         matrix: one row per sample.
-        mean: the columns' means, where they are known.
+        mean: the means of the columns; computed if None.
 
     Returns:
         Columns of mean zero.
@@ -88,7 +88,7 @@ def standardise_columns(matrix: Float64[np.ndarray, "rows columns"]) -> Float64[
     """
     centred = centre_columns(matrix)
     largest = np.abs(centred).max(axis=0)
-    centred = centred / np.where(largest > 0, largest, 1)  # squares of very small numbers would vanish in the norm
+    centred = centred / np.where(largest > 0, largest, 1)  # avoids underflow of the squares in the norm
     norm = np.linalg.norm(centred, axis=0)
     return centred / np.where(norm > 0, norm, 1)
 
@@ -109,7 +109,7 @@ def padded_length(length: int) -> int:
 
 
 def pad_columns(H: Float64[np.ndarray, "samples neurons"]) -> Float64[np.ndarray, "rows columns"]:
-    """Append zero rows and columns to regressors; they change neither the order of the others nor any error.
+    """Append zero rows and columns to regressors; they change neither the order of the columns nor any error.
 
     Args:
         H: regressors.
@@ -121,13 +121,13 @@ def pad_columns(H: Float64[np.ndarray, "samples neurons"]) -> Float64[np.ndarray
 
 
 def pad_outputs(T: Float64[np.ndarray, "samples outputs"]) -> Float64[np.ndarray, "rows more_outputs"]:
-    """Append zero rows and outputs to targets: rows as many as to regressors, outputs up to the next multiple of 16.
+    """Append zero rows to targets, as `pad_columns` does to regressors, and zero outputs up to a multiple of 16.
 
     Args:
         T: targets.
 
     Returns:
-        The padded matrix; one output stays one.
+        The padded matrix; a single output is not padded.
     """
     samples, outputs = T.shape
     more = 0 if outputs == 1 else -outputs % 16

@@ -13,8 +13,8 @@ enters next. For one output and the 1-norm, this is least-angle regression.
 With N samples, m columns and p outputs, a step costs O(Nm + mp); see `active_set` for the update and `step_length` for
 γ.
 
-The 1-norm is the paper's. The 2-norm does not change under a rotation of the outputs, so that they can be rotated into
-as few as T has rank. The two orders differ.
+The 1-norm is the paper's. The 2-norm is invariant under rotations of the outputs, so that rank(T) rotated outputs are
+enough. The two norms give different orders.
 """
 
 from collections.abc import Callable
@@ -30,21 +30,22 @@ from relm_irl_jax.elm.matrices import check_regression, float64, pad_columns, pa
 from relm_irl_jax.elm.orthogonalisation import rank_tolerance
 from relm_irl_jax.errors import InputError
 
-LARGE = 1024
-"""Rows from which those of settled columns are dropped once they are half. Every new shape is compiled once more."""
+MIN_ROWS_TO_DROP = 1024
+"""Smallest number of rows for which rows of settled columns are dropped when they are half of all rows. Every drop
+changes shapes and therefore compiles again."""
 
 
 @dataclass(frozen=True)
 class MRSRPath:
-    """The order in which columns entered, and how.
+    """The order in which columns entered, with the steps of the fit.
 
     Attributes:
-        order: all columns: those that entered, in their order, then those that never did, by index.
+        order: all columns: first those that entered, in the order of entry, then the others by index.
         entered: number of columns that entered.
         dependent: columns that depend numerically on those that entered; constant columns are among them.
-        step: γ after each entry; the last is 1 if the path ran to its end.
+        step: γ after each entry; the last is 1 if the path is complete.
         correlation: cumulative correlation of the active set with the residual at each entry.
-        basis: one orthonormal row per entry; the first k span the first k columns of `order`, centred.
+        basis: one orthonormal row for each entry; the first k span the first k columns of `order`, centred.
         norm: norm of the cumulative correlation, 1 or 2.
     """
 
@@ -58,11 +59,11 @@ class MRSRPath:
 
 
 def mrsr(H: Any, T: Any, norm: int = 1) -> Int[np.ndarray, "neurons"]:
-    """Order of the columns of H: first what explains T most.
+    """Order the columns of H by their entry into the MRSR path.
 
     Args:
-        H: regressors, one row per sample; standardised inside.
-        T: targets, one row per sample; standardised inside.
+        H: regressors, one row per sample; the function standardises them.
+        T: targets, one row per sample; the function standardises them.
         norm: norm of the cumulative correlation: 1, the paper's, or 2.
 
     Returns:
@@ -75,13 +76,13 @@ def mrsr(H: Any, T: Any, norm: int = 1) -> Int[np.ndarray, "neurons"]:
 
 
 def mrsr_path(H: Any, T: Any, norm: int = 1, *, progress: Callable[[int], None] = lambda entered: None) -> MRSRPath:
-    """Order of the columns of H, with the steps of the fit.
+    """Order the columns of H, and return the steps of the fit.
 
     Args:
-        H: regressors, one row per sample; standardised inside.
-        T: targets, one row per sample; standardised inside.
+        H: regressors, one row per sample; the function standardises them.
+        T: targets, one row per sample; the function standardises them.
         norm: norm of the cumulative correlation: 1, the paper's, or 2.
-        progress: called with the number of columns that entered since its last call.
+        progress: called with the number of columns that entered since the last call.
 
     Returns:
         Order and steps.
@@ -118,11 +119,11 @@ def _enter_all(
     norm: int,
     progress: Callable[[int], None],
 ) -> ActiveSet:
-    """Enter columns until the path ends, one compiled panel after the other."""
+    """Enter columns until the path ends, one panel at a time."""
     state = init_active_set(X, T, norm=norm)
     columns, rows, entered = X.shape[1], X.shape[1], 0
     while True:
-        fewer_rows = rows - rows // 2 if rows >= LARGE else 0
+        fewer_rows = rows - rows // 2 if rows >= MIN_ROWS_TO_DROP else 0
         while state.running and entered < columns - fewer_rows:
             state = enter_panel(state, T, tolerance, norm=norm)
             progress(int(state.entered) - entered)
@@ -134,7 +135,7 @@ def _enter_all(
 
 
 def _rotate_to_rank(T: Float64[np.ndarray, "samples outputs"]) -> Float64[np.ndarray, "samples rank"]:
-    """Rotate the outputs so that as few as T has rank hold all of it; inner products of its rows stay as they are."""
+    """Rotate the outputs so that all but rank(T) of them are zero, and drop those; products of rows do not change."""
     if T.shape[1] == 1:
         return T
     triangle, columns = scipy.linalg.qr(T.T, mode="r", pivoting=True, check_finite=False)

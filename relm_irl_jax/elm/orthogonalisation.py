@@ -1,4 +1,4 @@
-"""An orthonormal basis of every prefix of a matrix's columns at once, by block Gram-Schmidt."""
+"""An orthonormal basis whose prefixes span the prefixes of a matrix's columns, by block Gram-Schmidt."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -6,7 +6,7 @@ from jax import lax
 from jaxtyping import Array, Bool, Float
 
 PANEL = 32
-"""Columns that are orthogonalised one after another before the rest is updated by a matrix product."""
+"""Columns that are orthogonalised one by one before the others are updated by a matrix product."""
 
 
 def rank_tolerance(rows: int, columns: int) -> float:
@@ -27,9 +27,8 @@ def orthonormal_prefix_basis(
 ) -> tuple[Float[Array, "rows columns"], Bool[Array, "columns"]]:
     """Orthonormal basis Q whose first k columns span the first k columns of the matrix, for every k.
 
-    Every projection is done twice, which keeps Q orthonormal to rounding. A column that depends on those before it
-    gives a zero column, so that every prefix spans what it should; Householder's QR would put an arbitrary direction
-    there.
+    Every projection is done twice, which makes Q orthonormal up to rounding. A column that depends on those before it
+    gives a zero column, so that every prefix has the right span; Householder's QR would insert an arbitrary direction.
 
     Args:
         matrix: any shape and rank.
@@ -45,13 +44,13 @@ def orthonormal_prefix_basis(
     smallest = tolerance * jnp.linalg.norm(as_rows, axis=1)
 
     def project_out(vector, basis):
-        """Remove a vector's part in the span of the basis."""
+        """Subtract a vector's projection on the span of the basis."""
         for _ in range(2):
             vector = vector - (basis @ vector) @ basis
         return vector
 
     def project_out_block(block, basis):
-        """The same for a block of vectors, by matrix products."""
+        """Subtract the projections of a block of vectors, by matrix products."""
         for _ in range(2):
             block = block - (block @ basis.T) @ basis
         return block

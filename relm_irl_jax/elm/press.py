@@ -4,21 +4,20 @@ For the least-squares fit of T on the first k columns of H with ridge λ, the re
 
     ε_i = (t_i - h_i β) / (1 - ℓ_i),        ℓ_i = h_i P h_iᵀ,        P = (HᵀH + λI)⁻¹,
 
-where h_i is the i-th row of H (the paper says that h_i and b_i are input weights; they are the row and β) and ℓ_i its
-leverage. Let Q be an orthonormal basis of [H; √λ I] in column order, and q_i the rows of Q that belong to samples.
-Then
+where h_i is the i-th row of H and ℓ_i its leverage. (The paper calls h_i and b_i input weights; they are the row of H
+and β.) Let Q be an orthonormal basis of [H; √λ I] in column order, and q_i the rows of Q that belong to samples. Then
 
     ℓ_i = Σ_{j≤k} q_ij²,        t_i - h_i β = t_i - Σ_{j≤k} q_ij (Q_jᵀT):
 
-leverages are cumulative sums, and residuals lose one rank-one term per column. An unpenalised intercept is a centring
-of H and T and 1/N more leverage; the errors are exact for the model with its intercept.
+leverages are cumulative sums, and each column subtracts one rank-one term from the residuals. For an unpenalised
+intercept, H and T are centred and 1/N is added to each leverage; the errors are exact for the model with intercept.
 
-Where the formula has no value:
+Special cases:
 
 - A column that depends on those before it changes nothing: its prefix has the error of the prefix before it.
-- A sample of leverage one determines a coefficient alone. Without the sample, the column of that coefficient depends on
-  the others and would be skipped, so the sample keeps the error that it had before that column.
-- A prefix whose rank reaches the number of samples (less one for an intercept) fits everything: its error is infinite.
+- A sample of leverage one alone determines a coefficient. Without the sample, the column of that coefficient depends on
+  the others and would be skipped, so the sample's error is that of the prefix before this column.
+- A prefix whose rank is the number of samples (minus one for an intercept) fits all samples: its error is infinite.
 
 Samples that resemble each other can be left out together; see `leave_group_out`.
 """
@@ -45,7 +44,7 @@ class PressPath:
 
     Attributes:
         curve: mean squared leave-one-out error, over samples and outputs, of the first 1, 2, … columns.
-        null_error: the same of the model without columns: the intercept alone, or zero.
+        null_error: the same error of the model without columns, which is the intercept or zero.
         dependent: columns that depend on those before them.
         unit_leverage: for each prefix, the number of samples whose leverage is one up to rounding.
         ridge: penalty λ on the squared coefficients.
@@ -64,7 +63,7 @@ class PressPath:
 
     @property
     def best_size(self) -> int:
-        """Number of columns with the least error; 1 where no error is finite."""
+        """Number of columns with the smallest error; 1 if no error is finite."""
         return int(np.argmin(self.curve)) + 1
 
 
@@ -75,11 +74,11 @@ def press_path(H: Any, T: Any, ridge: float = 0.0, *, intercept: bool = False, g
         H: regressors in the order of the prefixes, one row per sample.
         T: targets, one row per sample.
         ridge: penalty λ ≥ 0 on the squared coefficients, never on the intercept.
-        intercept: fit an intercept; the default is the model Hβ as it stands.
-        groups: one label per sample; samples of one label are left out together. None leaves out one at a time.
+        intercept: whether to fit an intercept.
+        groups: one label for each sample; all samples of a label are left out together. None leaves out one at a time.
 
     Returns:
-        The errors, and which columns and samples were special.
+        The errors, the dependent columns, and the numbers of samples of leverage one.
 
     Raises:
         InputError: unusable H, T, ridge or groups.
@@ -102,16 +101,16 @@ def press_path_of_basis(
     columns: int,
     groups: Any = None,
 ) -> PressPath:
-    """As `press_path` without ridge and with intercept, from the basis that MRSR leaves behind.
+    """As `press_path` without ridge and with intercept, from the basis that MRSR has computed.
 
     Args:
-        basis: one orthonormal row per independent column, in order; it spans the centred columns.
+        basis: one orthonormal row for each independent column, in order; it spans the centred columns.
         T: targets, one row per sample.
         columns: length of the curve; columns beyond the basis depend on those before them.
         groups: as in `press_path`.
 
     Returns:
-        The errors, and which columns and samples were special.
+        The errors, the dependent columns, and the numbers of samples of leverage one.
 
     Raises:
         InputError: unusable groups.
@@ -132,10 +131,10 @@ def press_curve(H: Any, T: Any, ridge: float = 0.0, *, intercept: bool = False) 
         H: regressors in the order of the prefixes, one row per sample.
         T: targets, one row per sample.
         ridge: penalty λ ≥ 0 on the squared coefficients, never on the intercept.
-        intercept: fit an intercept; the default is the model Hβ as it stands.
+        intercept: whether to fit an intercept.
 
     Returns:
-        One error per prefix; infinite from where a prefix fits every sample exactly.
+        One error for each prefix; infinite if the prefix fits every sample exactly.
 
     Raises:
         InputError: unusable H, T or ridge.
@@ -168,9 +167,10 @@ def _prefix_errors(
     intercept: Bool[Array, ""],
     saturates: Bool[Array, ""],
 ) -> tuple[Float[Array, "neurons"], Float[Array, ""], Int[Array, "neurons"]]:
-    """Squared errors summed over outputs, averaged over samples, of every prefix and of none; samples of leverage one.
+    """Errors of every prefix and of the model without columns, summed over outputs and averaged over samples.
 
-    `saturates`: a prefix of full row rank fits every sample exactly, which is so without ridge.
+    The third result is the number of samples of leverage one. `saturates` says that a prefix of full row rank fits
+    every sample exactly, which is true without ridge.
     """
     if group_rows is None:
         sums, null, unit_leverage = leave_one_out_sums(Q, T, count, intercept)
@@ -182,7 +182,7 @@ def _prefix_errors(
 
 
 def _to_path(errors: Any, independent: Bool[np.ndarray, "neurons"], ridge: float, shape: tuple[int, ...]) -> PressPath:
-    """Errors without padding on the host, averaged over the outputs of targets of a shape."""
+    """Remove the padding from errors, and average them over the outputs of targets of a given shape."""
     curve, null, unit_leverage = errors
     columns, outputs = len(independent), shape[1]
     return PressPath(

@@ -2,8 +2,8 @@
 
 A hidden layer with random, fixed weights maps inputs to H (Equation 14); the output weights are the least-squares
 solution of Hβ + b = T (Equation 17). MRSR orders the neurons, PRESS gives the leave-one-out error of every prefix of
-that order, and the model keeps the prefix of least error. The intercept b is fitted with β, never penalised, and part
-of what PRESS leaves out; the standardisation of inputs and the random weights are fixed beforehand.
+that order, and the model keeps the prefix with the smallest error. The intercept b is fitted together with β and never
+penalised; the leave-one-out errors account for it. They treat the standardisation of inputs as fixed.
 """
 
 from collections.abc import Callable
@@ -25,20 +25,20 @@ from relm_irl_jax.elm.ridge_press import press_of_penalties
 from relm_irl_jax.errors import InputError
 
 RIDGE_GRID = (0.0, *(10.0**exponent for exponent in range(-8, 2)))
-"""Penalties tried for `ridge="press"`, as shares of the mean squared norm of the centred neurons."""
+"""Candidate penalties for `ridge="press"`, as multiples of the mean squared norm of the centred neurons."""
 
 
 @dataclass(frozen=True)
 class Diagnostics:
-    """What the fit met and handled.
+    """Special cases of the fit, and errors for comparison.
 
     Attributes:
-        rank: number of independent neurons among all; None if neither MRSR nor PRESS of prefixes ran.
-        dependent: neurons that depend on those before them or are constant, by index of drawing; None likewise.
+        rank: number of independent neurons; None if neither MRSR nor PRESS of prefixes ran.
+        dependent: indices of neurons that are constant or depend on those before them; None if `rank` is None.
         unit_leverage: number of samples whose leverage is one in the chosen model, so that their error is that of a
             smaller prefix; None without a curve.
-        null_error: leave-one-out error of the intercept alone, to compare the curve with; None without a curve.
-        ridge_errors: least leave-one-out error of each penalty tried.
+        null_error: leave-one-out error of the intercept alone, for comparison with the curve; None without a curve.
+        ridge_errors: smallest leave-one-out error for each candidate penalty.
     """
 
     rank: int | None
@@ -52,23 +52,24 @@ class ELMRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     """Extreme learning machine with MRSR ordering and PRESS selection.
 
     Args:
-        n_hidden: random neurons before selection; the paper's is 1950. Activation `linear` has one per input instead.
+        n_hidden: number of random neurons before selection, 1950 in the paper; ignored by the activation `linear`.
         activation: `tanh`, `sigmoid`, `relu`, `rbf` or `linear`, which passes the standardised inputs through.
-        ordering: `mrsr`, or `none` for the order of drawing.
+        ordering: `mrsr`, or `none` to keep the neurons in their random order.
         norm: norm of MRSR's cumulative correlation, 1 (the paper's) or 2.
-        selection: `press` keeps the prefix of least leave-one-out error, an integer that many neurons, `none` all.
+        selection: `press` keeps the prefix with the smallest leave-one-out error, an integer keeps that many neurons,
+            and `none` keeps all.
         ridge: penalty λ ≥ 0 on the output weights, or `press` to choose it from a grid by leave-one-out error.
         random_state: seed or generator of the hidden weights.
 
     Attributes:
-        order_: neurons, by index of drawing, in the order of the curve.
-        press_curve_: mean squared leave-one-out error of the first 1, 2, … of them; None unless `selection` is `press`.
-        n_selected_: number of neurons kept.
-        ridge_: penalty used.
-        hidden_: layer of the neurons kept, in order.
-        coef_: output weights β, one row per kept neuron.
-        intercept_: b, the output of the model where all neurons are zero.
-        diagnostics_: what the fit met and handled.
+        order_: indices of the neurons in the order of the curve.
+        press_curve_: mean squared leave-one-out error of the first 1, 2, … neurons; None unless `selection` is `press`.
+        n_selected_: number of selected neurons.
+        ridge_: penalty of the fitted model.
+        hidden_: hidden layer of the selected neurons, in order.
+        coef_: output weights β, one row for each selected neuron.
+        intercept_: b.
+        diagnostics_: special cases of the fit, and errors for comparison.
     """
 
     @no_type_check  # scikit-learn's estimators check their parameters when they are fitted
@@ -99,12 +100,12 @@ class ELMRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         Args:
             X: inputs, one row per sample.
             y: targets, one row or one number per sample.
-            groups: one label per sample; PRESS leaves out all samples of a label together, so that its error holds for
-                samples of new labels. None leaves out one at a time.
-            progress: called with the number of neurons that MRSR ordered since its last call.
+            groups: one label for each sample; PRESS leaves out all samples of a label together, which estimates the
+                error for new labels. None leaves out one sample at a time.
+            progress: called with the number of neurons that MRSR ordered since the last call.
 
         Returns:
-            Itself.
+            The estimator itself.
         """
         self._check_parameters()
         X, y = validate_data(self, X, y, multi_output=True, y_numeric=True, dtype=np.float64, ensure_min_samples=2)
@@ -134,7 +135,7 @@ class ELMRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         return self
 
     def predict(self, X: Any) -> Float64[np.ndarray, "..."]:
-        """Outputs for inputs X, one row per sample; a vector if fitted on one.
+        """Predict targets, one row per sample; a vector if `y` was a vector in `fit`.
 
         Args:
             X: inputs, one row per sample.
@@ -154,7 +155,7 @@ class ELMRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         path: MRSRPath | None,
         groups: Any,
     ) -> tuple[PressPath | None, dict[float, float]]:
-        """Errors by which neurons are selected, None if they are not, and the least error of each penalty tried."""
+        """Errors of the prefixes, None unless PRESS selects, and the smallest error for each candidate penalty."""
         if self.ridge == "press":
             scale = np.square(H - H.mean(axis=0)).sum(axis=0).mean()
             penalties = [float(share * scale) for share in RIDGE_GRID]
@@ -165,7 +166,7 @@ class ELMRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
                 return None, {}
             errors = press_of_penalties(H[:, : self._fixed_size(H.shape[1])], T, penalties, groups)
             return None, dict(zip(penalties, errors.tolist(), strict=True))
-        # MRSR's basis spans the same prefixes, standardised or not, unless it ended early with nothing left to explain.
+        # MRSR's basis spans the same prefixes, unless the path ended early because nothing remained to explain.
         complete = path is not None and path.entered + len(path.dependent) == H.shape[1]
         presses = [
             press_path_of_basis(path.basis, T, H.shape[1], groups)
@@ -177,11 +178,11 @@ class ELMRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         return best, {press.ridge: float(press.curve.min()) for press in presses}
 
     def _fixed_size(self, count: int) -> int:
-        """Number of neurons to keep of `count`, if the leave-one-out error does not choose it."""
+        """Number of neurons to keep out of `count`, if PRESS does not select it."""
         return count if isinstance(self.selection, str) else min(int(self.selection), count)
 
     def _check_parameters(self) -> None:
-        """Refuse invalid parameters, in one sentence that names the first of them."""
+        """Raise an InputError that names the first invalid parameter."""
 
         def positive_integer(value: Any) -> bool:
             return isinstance(value, Integral) and not isinstance(value, bool) and int(value) >= 1

@@ -1,11 +1,11 @@
-"""PRESS of several ridge penalties on all columns at once, from one singular value decomposition.
+"""PRESS of the model with all columns for several ridge penalties, from one singular value decomposition.
 
 With centred H = U S Vᵀ, the hat matrix of penalty λ is
 
     Ĥ = U diag(s² / (s² + λ)) Uᵀ + 1/N,
 
-and the residuals of a group B that is left out are (I - Ĥ_BB)⁻¹ r_B, with r the residuals of the fit to all samples.
-Where no prefix is to be chosen, this replaces one factorisation per penalty.
+and the residuals of a left-out group B are (I - Ĥ_BB)⁻¹ r_B, with r the residuals of the fit to all samples. If no
+prefix is to be selected, this replaces one factorisation for each penalty.
 """
 
 from collections.abc import Sequence
@@ -31,10 +31,10 @@ def press_of_penalties(
         H: regressors, one row per sample.
         T: targets, one row per sample.
         penalties: λ on the squared coefficients, never on the intercept.
-        groups: one label per sample; samples of one label are left out together. None leaves out one at a time.
+        groups: one label for each sample; all samples of a label are left out together. None leaves out one at a time.
 
     Returns:
-        One error per penalty; infinite where the samples that are left do not determine the model.
+        One error for each penalty; infinite if the remaining samples do not determine the model.
 
     Raises:
         InputError: unusable H, T or groups.
@@ -43,9 +43,9 @@ def press_of_penalties(
     group_rows = rows_by_group(np.arange(len(H)) if groups is None else groups, len(H))
     with float64():
         sums, rank = _sums_and_rank(centre_columns(H), centre_columns(T), group_rows, np.asarray(penalties, float))
-    # Without penalty, as many columns as samples that are left fit them exactly.
-    left = len(H) - 1 - (group_rows >= 0).sum(axis=1).max()
-    exact = (np.asarray(penalties) == 0) & (int(rank) > left)
+    # Without penalty, the model fits exactly if it has at least as many columns as remaining samples.
+    remaining = len(H) - 1 - (group_rows >= 0).sum(axis=1).max()
+    exact = (np.asarray(penalties) == 0) & (int(rank) > remaining)
     return np.where(exact, np.inf, np.asarray(sums) / T.size)
 
 

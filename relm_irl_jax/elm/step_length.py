@@ -1,4 +1,4 @@
-"""Step length of MRSR: how far the fit moves until an inactive column ties with the active set (Equations 31 and 32).
+"""Step length of MRSR: the smallest step at which an inactive column ties with the active set (Equations 31 and 32).
 
 With a_j = x_jᵀ(T - Y), c its norm on the active set, and e_j = x_jᵀ(T - Ȳ), column j ties at the step length γ where
 
@@ -9,22 +9,22 @@ which, with s = γ / (1 - γ) ≥ 0, is
     ‖a_j + s e_j‖ = c.
 
 The left side is convex in s, starts at ‖a_j‖ ≤ c and grows without bound unless e_j = 0: each column ties at exactly
-one s. The least of them over the inactive columns is the step.
+one s. The smallest s over the inactive columns is the step.
 
-For the 1-norm, Newton's method from the right finds s in a few iterations, and no sign vector is enumerated. Since (c
-- ‖a_j‖) / ‖e_j‖ ≤ s, columns are examined by increasing bound until the least s found is below all that are left. For
-the 2-norm, s is a root of a quadratic.
+For the 1-norm, Newton's method from the right finds s in a few iterations, without enumerating sign vectors. Since
+(c - ‖a_j‖) / ‖e_j‖ is a lower bound of s, columns are solved in the order of increasing bounds, until the smallest s is
+below all remaining bounds. For the 2-norm, s is a root of a quadratic.
 """
 
 import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
-EXAMINED = 16
-"""Columns whose s is computed at once."""
+COLUMNS_AT_ONCE = 16
+"""Columns whose s is computed in one pass."""
 
 NEWTON_STEPS = 100
-"""Safety bound; Newton's method on a convex piecewise linear function ends by itself, usually in three to six steps."""
+"""Safety limit; Newton's method on a convex piecewise linear function terminates, usually after three to six steps."""
 
 
 def first_tie(
@@ -53,16 +53,16 @@ def _first_tie_1(A, E, c, inactive):
     size, slope = jnp.abs(A).sum(axis=1), jnp.abs(E).sum(axis=1)
     grows = slope > 0
     bound = jnp.where(inactive & grows, jnp.maximum(c - size, 0) / jnp.where(grows, slope, 1), jnp.inf)
-    blocks = min(EXAMINED, len(bound))
+    blocks = min(COLUMNS_AT_ONCE, len(bound))
     per_block = -(-len(bound) // blocks)
     bound = jnp.pad(bound, (0, blocks * per_block - len(bound)), constant_values=jnp.inf)
 
     def examine(state):
-        """Solve for the column of the least bound in each block."""
+        """Solve for the column with the smallest bound in each block."""
         bound, best, winner = state
-        places = jnp.arange(blocks) * per_block + jnp.argmin(bound.reshape(blocks, per_block), axis=1)
-        promising = bound[places] < best
-        column = jnp.minimum(places, len(A) - 1)
+        positions = jnp.arange(blocks) * per_block + jnp.argmin(bound.reshape(blocks, per_block), axis=1)
+        competitive = bound[positions] < best
+        column = jnp.minimum(positions, len(A) - 1)
         a, e = A[column], E[column]
 
         def newton(state):
@@ -73,13 +73,13 @@ def _first_tie_1(A, E, c, inactive):
             new = jnp.clip(s - (value - c) / jnp.where(derivative > 0, derivative, jnp.inf), 0, s)
             return new, jnp.any(new < s * (1 - 1e-15)), step + 1
 
-        start = jnp.where(promising, (c + size[column]) / jnp.where(promising, slope[column], 1), 0)
+        start = jnp.where(competitive, (c + size[column]) / jnp.where(competitive, slope[column], 1), 0)
         s, _, _ = lax.while_loop(lambda state: state[1] & (state[2] < NEWTON_STEPS), newton, (start, True, 0))
-        s = jnp.where(promising, s, jnp.inf)
+        s = jnp.where(competitive, s, jnp.inf)
         first = jnp.argmin(s)
         better = s[first] < best
         return (
-            bound.at[places].set(jnp.inf),
+            bound.at[positions].set(jnp.inf),
             jnp.where(better, s[first], best),
             jnp.where(better, column[first].astype(winner.dtype), winner),
         )

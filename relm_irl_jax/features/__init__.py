@@ -1,11 +1,11 @@
 """Features of views: the image encoder, its weights and the cache.
 
-Names are imported when they are first used, so that processes that only need the settings do not load JAX.
+Names are imported on first use, so that processes that only need the settings do not load JAX.
 """
 
 from typing import TYPE_CHECKING
 
-from relm_irl_jax.lazy import on_first_use
+from relm_irl_jax.lazy import lazy_getattr
 
 if TYPE_CHECKING:
     from relm_irl_jax.features.cache import encode_cached as encode_cached
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from relm_irl_jax.features.encoder import make_encoder as make_encoder
     from relm_irl_jax.features.settings import EncoderSettings as EncoderSettings
 
-_HOME = {
+_MODULES = {
     "Encoder": "encoder",
     "EncoderSettings": "settings",
     "encode": "encoder",
@@ -22,6 +22,6 @@ _HOME = {
     "make_encoder": "encoder",
 }
 
-__all__ = sorted(_HOME)
+__all__ = sorted(_MODULES)
 
-__getattr__ = on_first_use(__name__, _HOME)
+__getattr__ = lazy_getattr(__name__, _MODULES)

@@ -1,6 +1,7 @@
-"""Features on disk, under a key of all that they depend on: the views and the encoder's fingerprint."""
+"""Features on disk. The file name is a checksum of the views and the encoder's fingerprint."""
 
 import hashlib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,8 @@ from relm_irl_jax.features.encoder import Encoder, Views, encode
 from relm_irl_jax.features.resnet import N_FEATURES
 from relm_irl_jax.files import write_bytes
 from relm_irl_jax.progress import console
+from relm_irl_jax.scenes.rooms.cache import cache_folder
+from relm_irl_jax.scenes.scene import Scene
 
 
 def encode_cached(
@@ -19,8 +22,8 @@ def encode_cached(
 ) -> Float32[np.ndarray, "view 2048"]:
     """Read the features of views from the cache folder, or encode the views and save their features there.
 
-    A file that cannot be read, or does not match its checksum, is computed again with a notice. A file appears only
-    once it is complete, so several processes may share a folder.
+    If a file cannot be read or does not match its checksum, the features are computed again, with a notice. Files are
+    written atomically, so several processes can share a folder.
 
     Args:
         views: views of one size.
@@ -36,10 +39,26 @@ def encode_cached(
         try:
             return _load(path, len(views))
         except (SafetensorError, OSError, ValueError) as error:
-            console.print(f"{path.name}: damaged features ({error}), encoding again", style="yellow", highlight=False)
+            console.print(
+                f"{path.name}: features are damaged ({error}); encoding again", style="yellow", highlight=False
+            )
     features = encode(encoder, views, description)
     _save(features, path)
     return features
+
+
+def encode_scene(scene: Scene, encoder: Encoder) -> Scene:
+    """Add features to a scene, with the user's cache folder.
+
+    Args:
+        scene: the scene with its views.
+        encoder: the encoder.
+
+    Returns:
+        The scene with features.
+    """
+    features = encode_cached(scene.views, encoder, cache_folder() / "features", f"encoding {scene.name}")
+    return replace(scene, features=features, encoder=encoder.name)
 
 
 def cache_key(views: Views, encoder: Encoder) -> str:
@@ -55,7 +74,7 @@ def cache_key(views: Views, encoder: Encoder) -> str:
 
 
 def _load(path: Path, n_views: int) -> np.ndarray:
-    """Read features; a ValueError where their shape, type or checksum is wrong."""
+    """Read features; raises ValueError if their shape, type or checksum is wrong."""
     with safe_open(path, framework="numpy") as file:
         features, checksum = file.get_tensor("features"), (file.metadata() or {}).get("sha256")
     if features.shape != (n_views, N_FEATURES) or features.dtype != np.float32:

@@ -1,8 +1,8 @@
-"""The encoder: views to feature vectors, batch by batch.
+"""The encoder: maps views to feature vectors, batch by batch.
 
-Views are uint8 RGB of any size. A view of another size than `EncoderSettings.image_size` is scaled
-(antialiased bilinear) until its shorter side has that size, and its centre square is cut out. Values are
-scaled to [0, 1] and normalised by ImageNet's mean and standard deviation, whatever the weights.
+Views are uint8 RGB of any size. A view is scaled (antialiased bilinear) until its shorter side has
+`EncoderSettings.image_size` pixels, and cropped to its centre square. Values are scaled to [0, 1] and normalised by
+ImageNet's mean and standard deviation, for all weights.
 """
 
 import hashlib
@@ -23,7 +23,7 @@ from relm_irl_jax.features.settings import EncoderSettings
 from relm_irl_jax.progress import progress_bar
 
 VERSION = 1
-"""Raised whenever the same views and weights give other features: part of every fingerprint."""
+"""Part of every fingerprint. Increase it if the code gives other features for the same views and weights."""
 
 IMAGENET_MEAN = (0.485, 0.456, 0.406)
 """Mean of red, green and blue on [0, 1]."""
@@ -35,7 +35,7 @@ N_CALIBRATION_VIEWS = 64
 """Number of views on which the batch-norm statistics of random weights are measured."""
 
 BATCH_SIZE = 16
-"""Views that each device encodes at once."""
+"""Views in a batch, for each device."""
 
 Views = UInt8[np.ndarray, "view height width 3"]
 """Camera views, RGB."""
@@ -47,8 +47,8 @@ class Encoder:
 
     Attributes:
         params: parameters of `ResNet50`.
-        name: for people, for example `resnet50 random/0`.
-        fingerprint: checksum of all that features depend on besides the views: weights, size, version.
+        name: name for results, for example `resnet50 random/0`.
+        fingerprint: checksum of everything besides the views that features depend on: weights, image size, version.
         image_size: height and width at which views are encoded.
     """
 
@@ -59,24 +59,24 @@ class Encoder:
 
 
 def make_encoder(settings: EncoderSettings, calibration_views: Views | None = None) -> Encoder:
-    """Load or draw the weights and fold their batch norms.
+    """Load or draw the weights, and fold batch norms into the convolutions.
 
     Args:
-        settings: which weights, at which image size.
-        calibration_views: views like those to be encoded. Random weights take their batch-norm statistics from
-            `N_CALIBRATION_VIEWS` of them, evenly spread; other weights have statistics of their own.
+        settings: weights and image size.
+        calibration_views: views like those to be encoded. The batch-norm statistics of random weights are measured on
+            `N_CALIBRATION_VIEWS` evenly spaced ones; other weights come with statistics.
 
     Returns:
         The encoder.
 
     Raises:
-        InputError: the weights cannot be loaded, or random weights come without views.
+        InputError: the weights cannot be loaded, or they are random and there are no calibration views.
     """
     if settings.weights == "random":
         if calibration_views is None or len(calibration_views) == 0:
             raise InputError("random encoder weights need calibration views to measure batch-norm statistics on.")
-        spread = np.linspace(0, len(calibration_views) - 1, min(len(calibration_views), N_CALIBRATION_VIEWS))
-        images = preprocess(jnp.asarray(calibration_views[spread.astype(int)]), settings.image_size)
+        index = np.linspace(0, len(calibration_views) - 1, min(len(calibration_views), N_CALIBRATION_VIEWS))
+        images = preprocess(jnp.asarray(calibration_views[index.astype(int)]), settings.image_size)
         state = weights.calibrate_batch_norms(weights.random_state_dict(settings.seed), images)
         name = f"resnet50 random/{settings.seed}"
     elif settings.weights in pretrained.PUBLISHED:
@@ -97,31 +97,31 @@ def make_encoder(settings: EncoderSettings, calibration_views: Views | None = No
 def encode(
     encoder: Encoder, views: np.ndarray, description: str = "encoding views"
 ) -> Float32[np.ndarray, "view 2048"]:
-    """Encode views in batches of one size, the last one padded, each spread over all devices.
+    """Encode views in batches; each batch is distributed over all devices.
 
     Args:
         encoder: the encoder.
-        views: uint8 RGB views of one size (view, height, width, 3).
+        views: uint8 RGB views (view, height, width, 3), all of the same size.
         description: label of the progress bar.
 
     Returns:
-        One vector for each view: the last feature map, averaged over its positions.
+        One vector for each view: the last feature map, averaged over positions.
 
     Raises:
-        InputError: the views have another type or shape.
+        InputError: the views have a wrong type or shape.
     """
     if views.ndim != 4 or views.shape[-1] != 3 or views.dtype != np.uint8:
         raise InputError(f"views must be uint8 of shape (N, height, width, 3), not {views.dtype} {views.shape}.")
     mesh = jax.make_mesh((jax.device_count(),), ("view",))
-    over_devices, on_all_devices = NamedSharding(mesh, PartitionSpec("view")), NamedSharding(mesh, PartitionSpec())
-    params = jax.device_put(encoder.params, on_all_devices)
+    sharded, replicated = NamedSharding(mesh, PartitionSpec("view")), NamedSharding(mesh, PartitionSpec())
+    params = jax.device_put(encoder.params, replicated)
     batch_size = BATCH_SIZE * jax.device_count()
     features = [np.zeros((0, N_FEATURES), np.float32)]
     with progress_bar(description, len(views), "views") as advance:
         for start in range(0, len(views), batch_size):
             batch = views[start : start + batch_size]
             padded = np.concatenate([batch, np.zeros((batch_size - len(batch), *views.shape[1:]), np.uint8)])
-            output = encode_batch(params, jax.device_put(padded, over_devices), encoder.image_size)
+            output = encode_batch(params, jax.device_put(padded, sharded), encoder.image_size)
             features.append(np.asarray(output)[: len(batch)])
             advance(len(batch))
     return np.concatenate(features)
@@ -131,12 +131,12 @@ def encode(
 def encode_batch(
     params: weights.Params, views: UInt8[Array, "view height width 3"], size: int
 ) -> Float32[Array, "view 2048"]:
-    """Features of one batch, compiled once for each shape of views.
+    """Encode one batch; compiled once for each shape of views.
 
     Args:
         params: parameters of `ResNet50`.
         views: views of one size.
-        size: height and width at which they are encoded.
+        size: height and width at which views are encoded.
 
     Returns:
         One vector for each view.

@@ -1,4 +1,4 @@
-"""Trained weights of the encoder: published ones, downloaded on first use, or a file of safetensors."""
+"""Trained weights of the encoder: published weights, downloaded on first use, or a safetensors file."""
 
 import hashlib
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ class PublishedWeights:
     Attributes:
         repository: name of the repository.
         revision: commit or branch.
-        sha256: checksum of the file; None for the one that the hub states at download.
+        sha256: checksum of the file; None to use the checksum that the hub reports at download.
     """
 
     repository: str
@@ -56,7 +56,7 @@ def fetch_published(name: str) -> Path:
         The file's path.
 
     Raises:
-        InputError: the file cannot be downloaded, or differs from the published one.
+        InputError: the file cannot be downloaded, or has another checksum.
     """
     published, path = PUBLISHED[name], published_path(name)
     checksum = published.sha256
@@ -67,22 +67,22 @@ def fetch_published(name: str) -> Path:
             hf_hub_download(repository, FILE_NAME, revision=revision, local_dir=path.parent)
         except (OSError, ValueError) as error:  # no network, offline mode, no such file
             raise InputError(
-                f"{name} weights could not be downloaded ({type(error).__name__}): fetch {FILE_NAME} of "
-                f"https://huggingface.co/{repository} elsewhere and put it at {path}, or use random weights."
+                f"{name} weights could not be downloaded ({type(error).__name__}); download {FILE_NAME} of "
+                f"https://huggingface.co/{repository} on another computer and copy it to {path}, or use random weights."
             ) from error
     if checksum is not None:
         with path.open("rb") as file:
-            found = hashlib.file_digest(file, "sha256").hexdigest()
-        if found != checksum:
+            actual = hashlib.file_digest(file, "sha256").hexdigest()
+        if actual != checksum:
             raise InputError(
-                f"{path}: SHA-256 is {found[:16]}…, not the published {checksum[:16]}…; delete the file to "
-                "download it again, or pass its path as the weights if you mean this file."
+                f"{path}: SHA-256 is {actual[:16]}…, not the published {checksum[:16]}…; delete the file to "
+                "download it again, or set encoder.weights to its path to use it as it is."
             )
     return path
 
 
 def published_path(name: str) -> Path:
-    """Where the file of published weights is kept, and where a user without network access puts it.
+    """Path of the file of published weights in the cache; a user without network access copies the file there.
 
     Args:
         name: a key of `PUBLISHED`.
@@ -104,27 +104,27 @@ def load_state_dict(path: Path) -> dict[str, np.ndarray]:
         The state dict, float32.
 
     Raises:
-        InputError: the file does not exist, is no safetensors file, or has missing, unknown or wrong tensors.
+        InputError: the file does not exist, is not a safetensors file, or has missing, unknown or wrong tensors.
     """
     if not path.is_file():
-        raise InputError(f"{path}: no such file of weights; weights are random, {', '.join(PUBLISHED)} or a file.")
+        raise InputError(f"{path}: no such file; encoder.weights is random, {', '.join(PUBLISHED)} or a file.")
     try:
-        found = load_file(path)
+        tensors = load_file(path)
     except SafetensorError as error:
         raise InputError(f"{path}: not a readable safetensors file ({error}).") from error
     expected = expected_shapes()
     for name, shape in expected.items():
-        if name not in found:
+        if name not in tensors:
             raise InputError(f"{path}: tensor {name} is missing; torchvision's resnet50 names are expected.")
-        if found[name].shape != shape:
-            raise InputError(f"{path}: tensor {name} has shape {found[name].shape}, expected {shape}.")
-        if not np.issubdtype(found[name].dtype, np.floating):
-            raise InputError(f"{path}: tensor {name} has type {found[name].dtype}, expected floating point.")
-        if not np.isfinite(found[name]).all():
+        if tensors[name].shape != shape:
+            raise InputError(f"{path}: tensor {name} has shape {tensors[name].shape}, expected {shape}.")
+        if not np.issubdtype(tensors[name].dtype, np.floating):
+            raise InputError(f"{path}: tensor {name} has type {tensors[name].dtype}, expected floating point.")
+        if not np.isfinite(tensors[name]).all():
             raise InputError(f"{path}: tensor {name} has values that are not finite.")
-        if name.endswith("running_var") and (found[name] < 0).any():
+        if name.endswith("running_var") and (tensors[name] < 0).any():
             raise InputError(f"{path}: tensor {name} has negative variances.")
-    for name in found:
+    for name in tensors:
         if name not in expected and name not in IGNORED and not name.endswith("num_batches_tracked"):
             raise InputError(f"{path}: tensor {name} is not one of torchvision's resnet50.")
-    return {name: found[name].astype(np.float32) for name in expected}
+    return {name: tensors[name].astype(np.float32) for name in expected}

@@ -9,10 +9,10 @@ A convolution followed by a batch norm with fixed statistics is one convolution 
 
     γ·(k * x − μ)/√(σ² + ε) + β  =  (γ/√(σ² + ε))·k * x  +  β − γμ/√(σ² + ε),
 
-so the network that encodes has no batch norm. `ResNet50(calibrate=True)` has: it normalises each layer by the batch
-and returns the mean and variance that it used.
+so the network that encodes has no batch norm. `ResNet50(calibrate=True)` has batch norms: it normalises each layer by
+the statistics of the batch, and returns these statistics.
 
-Images are NHWC. The smallest image is 32x32, whose last feature map is 1x1.
+Images are NHWC. The smallest image size is 32x32, for which the last feature map is 1x1.
 """
 
 from collections.abc import Iterator
@@ -32,11 +32,11 @@ N_FEATURES = STAGES[-1][0] * EXPANSION
 """Length of a feature vector: 2048."""
 
 EPSILON = 1e-5
-"""Batch norm's addition to the variance."""
+"""Number that batch norm adds to the variance."""
 
 
 class Convolution(nn.Module):
-    """A convolution with a bias, or with normalisation by the batch while statistics are calibrated."""
+    """A convolution with a bias; during calibration, with batch norm instead."""
 
     features: int
     kernel_size: int
@@ -48,7 +48,7 @@ class Convolution(nn.Module):
         """Convolve."""
         use_bias = not self.calibrate
         if self.kernel_size == 1:
-            # A 1x1 convolution is a matrix product at each position, which XLA's CPU backend computes faster.
+            # XLA's CPU backend computes a 1x1 convolution faster as a matrix product.
             x = nn.Dense(self.features, use_bias, name="convolution")(x[:, :: self.stride, :: self.stride])
         else:
             kernel, padding = (self.kernel_size, self.kernel_size), self.kernel_size // 2

@@ -9,13 +9,13 @@ MIN_IMAGE_SIZE = 32
 
 @dataclass(frozen=True)
 class EncoderSettings:
-    """The image encoder: which weights, at which size."""
+    """Weights and image size of the encoder."""
 
     weights: str = "random"
-    """random (seeded, untrained), imagenet (torchvision's V1), imagenet-v2, or a file of safetensors."""
+    """random (untrained), imagenet (torchvision's V1), imagenet-v2, or a safetensors file."""
 
     seed: int = Field(default=0, ge=0)
-    """Seed of random weights."""
+    """Seed of the random weights."""
 
     image_size: int = Field(default=224, ge=MIN_IMAGE_SIZE)
     """Height and width at which views are encoded."""

@@ -1,7 +1,8 @@
 """Weights of the encoder: random ones, calibration of their batch norms, and conversion to Flax parameters.
 
-All weights are first a *state dict*: torchvision's names (`layer1.0.conv1.weight`, `layer1.0.bn1.running_mean`, ...) to
-arrays in torch's layout. `fold_batch_norms` turns it into the parameters of `ResNet50`.
+All weights start as a *state dict*, which maps torchvision's names (`layer1.0.conv1.weight`,
+`layer1.0.bn1.running_mean`, ...) to arrays in torch's layout. `fold_batch_norms` converts it to the parameters of
+`ResNet50`.
 """
 
 import hashlib
@@ -15,7 +16,7 @@ from jaxtyping import Array, Float
 from relm_irl_jax.features.resnet import EPSILON, Layer, ResNet50, layers
 
 StateDict = Mapping[str, np.ndarray]
-"""torchvision's tensor names to arrays in torch's layout."""
+"""Arrays in torch's layout by torchvision's tensor names."""
 
 Params = dict[str, dict]
 """Tree of parameters of `ResNet50`."""
@@ -24,16 +25,15 @@ BATCH_NORM = ("weight", "bias", "running_mean", "running_var")
 """The four vectors of a batch norm: γ, β, μ, σ²."""
 
 RESIDUAL_SCALE = 0.25
-"""γ of the last batch norm of each block of random weights: what the block adds to its input, relative to unit
-variance.
-1/√16 lets all 16 blocks together add as much as the input; at 1 they would scramble it."""
+"""γ of the last batch norm of each block of random weights: the standard deviation of what a block adds to its input.
+With 1/√16, the 16 blocks together add as much variance as the input has; with 1, they would drown it."""
 
 
 def random_state_dict(seed: int) -> dict[str, np.ndarray]:
     """Draw untrained weights: kernels from N(0, 2/(out·height·width)) as in torchvision, identity batch norms.
 
     Args:
-        seed: of numpy's PCG64 generator, whose stream is the same on every machine.
+        seed: seed of NumPy's PCG64 generator, which gives the same numbers on every platform.
 
     Returns:
         A state dict; `calibrate_batch_norms` replaces its statistics.
@@ -51,10 +51,10 @@ def random_state_dict(seed: int) -> dict[str, np.ndarray]:
 
 
 def calibrate_batch_norms(state: StateDict, images: Float[Array, "view height width 3"]) -> dict[str, np.ndarray]:
-    """Set the statistics of all batch norms to those of the images, in one pass layer by layer.
+    """Set the statistics of all batch norms to those of the images, in one forward pass.
 
-    Each layer normalises by the batch before the next one sees it, so that all statistics are those of the
-    calibrated network.
+    Each layer normalises its output by the batch before the next layer, so all statistics are those of the calibrated
+    network.
 
     Args:
         state: a state dict.
@@ -74,7 +74,7 @@ def calibrate_batch_norms(state: StateDict, images: Float[Array, "view height wi
 
 
 def fold_batch_norms(state: StateDict) -> Params:
-    """Parameters of `ResNet50`, each batch norm multiplied into the convolution before it.
+    """Convert to parameters of `ResNet50`, with each batch norm folded into the convolution before it.
 
     Args:
         state: a state dict.
@@ -98,7 +98,7 @@ def fold_layer(state: StateDict, layer: Layer) -> tuple[np.ndarray, np.ndarray]:
         layer: the layer.
 
     Returns:
-        Kernel, in torch's layout, and bias.
+        Kernel in torch's layout, and bias.
     """
     gamma, beta, mean, variance = (state[f"{layer.batch_norm}.{name}"] for name in BATCH_NORM)
     scale = gamma / np.sqrt(variance.astype(np.float64) + EPSILON)
@@ -121,7 +121,7 @@ def calibration_params(state: StateDict) -> Params:
 
 
 apply_calibrating = jax.jit(ResNet50(calibrate=True).apply, static_argnames="mutable")
-"""The network that normalises by its batch, compiled once for all weights and each shape of images."""
+"""The network with batch norms; compiled once for each shape of images."""
 
 
 def fingerprint(state: StateDict) -> str:

@@ -1,12 +1,12 @@
 """Inverse reinforcement learning: reward weights from the behaviour of an expert.
 
-`max_margin` and `solve_many` solve the paper's maximum-margin problem (Eq. 1-8); `learn_weights` offers other methods,
-too. Names are imported on first use, so that the workers of `solve_many` load neither JAX nor cvxpy.
+`max_margin` and `solve_many` solve the paper's maximum-margin problem (Eq. 1-8); `learn_weights` also offers other
+methods. Names are imported on first use, so that the workers of `solve_many` load neither JAX nor cvxpy.
 """
 
 from typing import TYPE_CHECKING
 
-from relm_irl_jax.lazy import on_first_use
+from relm_irl_jax.lazy import lazy_getattr
 
 if TYPE_CHECKING:
     from relm_irl_jax.irl.expectations import feature_expectations as feature_expectations
@@ -39,4 +39,4 @@ _MODULES = {
 
 __all__ = sorted(_MODULES)
 
-__getattr__ = on_first_use(__name__, _MODULES)
+__getattr__ = lazy_getattr(__name__, _MODULES)

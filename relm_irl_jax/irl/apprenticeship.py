@@ -7,15 +7,14 @@ the w that separates the expert best from the policies found so far, and adds th
 - `max-margin`: w = μ_E − μ̄, with μ̄ the point nearest to μ_E in the convex hull of all policies' μ. This is the
   direction of the maximum of t subject to w·μ_E ≥ w·μ_j + t and ‖w‖ ≤ 1.
 
-The margin t = ‖w‖ falls to 0. Abbeel and Ng then mix the policies. Here a reward is wanted instead: the result is the
-w whose own optimal policy came closest to the expert. All features are relative to the target's, see `problem.py`.
+The margin t = ‖w‖ falls to 0. Abbeel and Ng then mix the policies. Here the result is a reward instead: the w whose
+optimal policy came closest to the expert. All features are relative to the target's, see `problem.py`.
 """
 
 from typing import Literal
 
 import numpy as np
 from jaxtyping import Float64
-from pydantic import PositiveFloat, PositiveInt
 from pydantic.dataclasses import dataclass as settings_dataclass
 from scipy.sparse import csc_array
 
@@ -25,17 +24,19 @@ from relm_irl_jax.irl.policy_iteration import next_states, optimal_policy
 from relm_irl_jax.irl.problem import MaxMarginProblem, check_problem, relative_features
 from relm_irl_jax.irl.solution import Solution, Status, normalised_solution
 
+MAX_ROUNDS = 100
+"""Maximum number of policies."""
+
+TOLERANCE = 1e-6
+"""Distance from μ_E at which to stop, relative to the first policy's distance."""
+
 
 @settings_dataclass(frozen=True)
 class ApprenticeshipSettings:
-    """Variant and limits of apprenticeship learning."""
+    """Variant of apprenticeship learning."""
 
     variant: Literal["projection", "max-margin"] = "projection"
     """How the next w is chosen."""
-    rounds: PositiveInt = 100
-    """Maximum number of policies."""
-    tolerance: PositiveFloat = 1e-6
-    """Distance from μ_E at which to stop, relative to the first policy's distance."""
 
 
 def apprenticeship(
@@ -49,7 +50,7 @@ def apprenticeship(
 
     Args:
         problem: the expert and the states S₀.
-        settings: variant and limits; the defaults if None.
+        settings: the variant; the default if None.
         discount: γ.
         r_max: size of the largest reward.
 
@@ -70,35 +71,33 @@ def apprenticeship(
 
     expert = expectation(problem.expert.next_state)
     # The first policy never moves.
-    found = [expectation(np.arange(len(relative), dtype=np.int32))]
-    mean = found[0]
+    expectations = [expectation(np.arange(len(relative), dtype=np.int32))]
+    mean = expectations[0]
     first = float(np.linalg.norm(expert - mean))
     best, best_distance, hull = np.zeros(len(expert)), np.inf, first
-    for _ in range(settings.rounds):
+    for _ in range(MAX_ROUNDS):
         w = expert - mean
         hull = float(np.linalg.norm(w))
-        if hull <= settings.tolerance * first:
+        if hull <= TOLERANCE * first:
             break
         action = optimal_policy(relative @ w, problem.successors, target, discount)
-        own = expectation(next_states(problem.successors, target, action))
-        distance = float(np.linalg.norm(expert - own))
+        policy = expectation(next_states(problem.successors, target, action))
+        distance = float(np.linalg.norm(expert - policy))
         if distance < best_distance:
             best, best_distance = w, distance
-        if distance <= settings.tolerance * first:
+        if distance <= TOLERANCE * first:
             break
-        found.append(own)
+        expectations.append(policy)
         if settings.variant == "projection":
-            step = own - mean
+            step = policy - mean
             length = float(step @ w) / max(float(step @ step), np.finfo(np.float64).tiny)
             mean = mean + np.clip(length, 0.0, 1.0) * step
         else:
-            away = np.stack([expert - policy for policy in found])
-            mean = expert - _shortest_mixture(away @ away.T) @ away
+            differences = np.stack([expert - each for each in expectations])
+            mean = expert - _shortest_mixture(differences @ differences.T) @ differences
     gap = best_distance / first if first > 0.0 else 0.0
-    if gap <= settings.tolerance:
-        status = Status.OPTIMAL
-    else:
-        status = Status.INACCURATE if hull <= 1e-2 * first else Status.NOT_CONVERGED
+    status = Status.INACCURATE if hull <= 1e-2 * first else Status.NOT_CONVERGED
+    status = Status.OPTIMAL if gap <= TOLERANCE else status
     return normalised_solution(problem, best, status, discount=discount, r_max=r_max, gap=gap)
 
 

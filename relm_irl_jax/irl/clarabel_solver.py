@@ -35,7 +35,7 @@ def solve_with_clarabel(program: ConvexProgram) -> tuple[Status, Float64[np.ndar
         program: the program.
 
     Returns:
-        Clarabel's own status, the point c and the dual variables. `ConvexProgram.dual_bound` certifies them.
+        Clarabel's status, the point c and the dual variables. `ConvexProgram.dual_bound` certifies them.
     """
     n_states, n_margins, rank = len(program.lower), program.n_margins, program.rank
     rows, margin_index = program.rows_with_penalty()
@@ -59,9 +59,9 @@ def solve_with_clarabel(program: ConvexProgram) -> tuple[Status, Float64[np.ndar
     a, b = csc_array(block_array(blocks)), np.concatenate(right_side)
     status, point, z, _ = minimise_quadratic(p, q, a, b, equalities=0)
     ends = np.cumsum([n_states, n_states, n_rows, *[n_states] * (2 * (program.l1_weight > 0.0))])
-    of_upper, of_lower, of_margins, *of_l1 = np.split(z, ends[:-1])
-    prices = of_upper - of_lower + (of_l1[0] - of_l1[1] if of_l1 else 0.0)
-    return status, point[:rank], DualVariables(of_margins, prices)
+    upper_duals, lower_duals, margin_duals, *l1_duals = np.split(z, ends[:-1])
+    reward_duals = upper_duals - lower_duals + (l1_duals[0] - l1_duals[1] if l1_duals else 0.0)
+    return status, point[:rank], DualVariables(margin_duals, reward_duals)
 
 
 def minimise_quadratic(

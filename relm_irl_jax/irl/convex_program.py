@@ -23,7 +23,7 @@ from jaxtyping import Float64, Int64
 from scipy.sparse import csr_array
 
 from relm_irl_jax.irl.feature_factorisation import FactorisedFeatures
-from relm_irl_jax.irl.margins import MarginRows, least_by_margin
+from relm_irl_jax.irl.margins import MarginRows, smallest_by_margin
 from relm_irl_jax.irl.problem import MaxMarginSettings
 
 
@@ -80,7 +80,7 @@ class ConvexProgram:
 
     def margin(self, point: Float64[np.ndarray, "rank"]) -> Float64[np.ndarray, "margins"]:
         """The margins at a point c."""
-        return least_by_margin(self.rows @ point, self.margin_index, self.n_margins)
+        return smallest_by_margin(self.rows @ point, self.margin_index, self.n_margins)
 
     def margin_sum(self, margin: Float64[np.ndarray, "margins"]) -> float:
         """Σ p(margin), the objective of the linear program (Eq. 8)."""
@@ -126,14 +126,14 @@ class ConvexProgram:
         gradient = rows.T @ y
         if self.quadratic is not None:
             gradient = gradient - self.quadratic @ point
-        prices, error = gradient, 0.0
+        reward_duals, error = gradient, 0.0
         if self.basis is not None:
-            prices = duals.rewards
+            reward_duals = duals.rewards
             # ‖c‖ ≤ ‖r‖: the basis is orthonormal; in the cost form up to a constant, which only lengthens r.
             longest = float(np.abs([self.lower, self.upper]).max()) * np.sqrt(len(self.lower))
-            error = float(np.linalg.norm(gradient - self.basis.T @ prices)) * longest
+            error = float(np.linalg.norm(gradient - self.basis.T @ reward_duals)) * longest
         # A concave function with its kink at 0 has its maximum over an interval that contains 0 at 0 or at an end.
-        at_bounds = [prices * end - self.l1_weight * np.abs(end) for end in (self.lower, self.upper)]
+        at_bounds = [reward_duals * end - self.l1_weight * np.abs(end) for end in (self.lower, self.upper)]
         return float(np.maximum(np.maximum(*at_bounds), 0.0).sum()) + self.quadratic_term(point) + error
 
 

@@ -1,7 +1,7 @@
 """Feature expectations of a deterministic policy (the paper's Eq. 3): V(s) = Σ_t γᵗ φ(s_t) along its path from s.
 
 The policy maps each state to the next one, so P has a single 1 in each row, and (I − γP)⁻¹Φ can be computed by path
-doubling. With V_k(s) the sum of the first 2ᵏ terms and n_k(s) the state 2ᵏ steps later,
+doubling. Let V_k(s) be the sum of the first 2ᵏ terms and n_k(s) the state 2ᵏ steps after s. Then
 
     V_{k+1}(s) = V_k(s) + γ^(2ᵏ) V_k(n_k(s)),    n_{k+1}(s) = n_k(n_k(s)).
 

@@ -1,8 +1,8 @@
 """Singular value decomposition of a scene's features: the rewards that they can express, and the weights of a reward.
 
 A reward w·φ lies in the range of Φ, so the maximum-margin program is stated over the reward instead of w, and w is
-computed from the reward afterwards, as the weights of least norm Φ⁺r. In the cost form only the differences
-w·(φ(s) − φ(g)) matter. These do not change if the features are centred, and the weights of least norm are then the
+computed from the reward afterwards, as the weights of minimum norm Φ⁺r. In the cost form only the differences
+w·(φ(s) − φ(g)) matter. These do not change if the features are centred, and the weights of minimum norm are then the
 pseudo-inverse of the centred features times r, for every target g: one factorisation serves all targets of a scene.
 """
 
@@ -37,12 +37,12 @@ class FactorisedFeatures:
 
     @cached_property
     def norm_matrix(self) -> Float64[np.ndarray, "states states"]:
-        """The matrix G with ‖w‖² = rᵀGr for the weights w of least norm of a reward r."""
+        """The matrix G with ‖w‖² = rᵀGr for the weights w of minimum norm of a reward r."""
         scaled = self.left_vectors / self.singular_values
         return scaled @ scaled.T
 
     def weights(self, rewards: Float64[np.ndarray, "problems states"]) -> Float64[np.ndarray, "problems d"]:
-        """The weights of least norm of each reward, Φ⁺r.
+        """The weights of minimum norm of each reward, Φ⁺r.
 
         Args:
             rewards: rewards of all states, one row per problem.

@@ -31,7 +31,7 @@ TOLERANCE = 1e-9
 
 
 class _Newton(NamedTuple):
-    """What the predictor and the corrector of a step share: the factorised K, ω, its sums and means, the residuals."""
+    """Quantities shared by the predictor and the corrector of a step: K, ω with sums and means, residuals."""
 
     factor: Float64[np.ndarray, "rank rank"]
     weight: Float64[np.ndarray, "constraints"]
@@ -49,8 +49,7 @@ def solve_by_interior_point(program: ConvexProgram) -> tuple[Float64[np.ndarray,
         program: the program. If |r| is penalised, the bounds must not let rewards be positive.
 
     Returns:
-        The point c and the dual variables, the last ones found if a step fails. `ConvexProgram.dual_bound` certifies
-        them.
+        The point c and the dual variables; if a step fails, those before it. `ConvexProgram.dual_bound` certifies them.
     """
     rows, margin_index = program.rows_with_penalty()
     m = rows if isinstance(rows, np.ndarray) else rows.toarray()
@@ -67,13 +66,14 @@ def solve_by_interior_point(program: ConvexProgram) -> tuple[Float64[np.ndarray,
         return np.concatenate([r, -r, t[margin_index] - m @ c])
 
     def transposed(z):
-        price = z[:n] - z[n : 2 * n]
-        return (price if basis is None else price @ basis) - z[2 * n :] @ m, np.add.reduceat(z[2 * n :], first_row)
+        reward_duals = z[:n] - z[n : 2 * n]
+        gradient = reward_duals if basis is None else reward_duals @ basis
+        return gradient - z[2 * n :] @ m, np.add.reduceat(z[2 * n :], first_row)
 
     def direction(step, s, z, complement):
         right_c, right_t = transposed(complement / s - step.weight * step.primal)
         right_c, right_t = right_c - step.dual_c, right_t - step.dual_t
-        # The margins' own equations: Σω·dt − Σ ω_i m_i·dc = right_t.
+        # The equations of the margins are Σω·dt − Σ ω_i m_i·dc = right_t.
         dc, _ = dpotrs(step.factor, right_c + right_t @ step.mean, lower=1)
         dt = right_t / step.total + step.mean @ dc
         ds = -step.primal - constraints(dc, dt)

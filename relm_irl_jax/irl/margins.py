@@ -5,7 +5,7 @@ action a is therefore a difference of two discounted path sums of the reward,
 
     w·(V(s'_a*) − V(s'_a)) = Σ_u (visits(s'_a*, u) − visits(s'_a, u)) (r(u) − r(g)),   visits(s, u) = Σ_t γᵗ [s_t = u],
 
-one sparse row per pair of state and action. The margin of a state is the least of its rows.
+one sparse row for each pair of state and action. The margin of a state is the minimum over its rows.
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from relm_irl_jax.experts import Expert
 from relm_irl_jax.irl.problem import MaxMarginProblem, reward
 
 NEGLIGIBLE = np.finfo(np.float64).eps / 8
-"""Discount below which the rest of a path is left out."""
+"""Discount γᵗ below which the rest of a path is neglected."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ def margin_rows(problem: MaxMarginProblem, discount: float, *, include_better: b
     Args:
         problem: the problem.
         discount: γ.
-        include_better: whether actions better than the expert's have rows, too.
+        include_better: whether actions better than the expert's also have rows.
 
     Returns:
         The rows; none if no state of S₀ has a suboptimal action.
@@ -66,7 +66,7 @@ def margins_under(
 
     Args:
         problem: the problem.
-        w: weights, from any method.
+        w: weights.
         discount: γ.
 
     Returns:
@@ -74,13 +74,13 @@ def margins_under(
     """
     rows = margin_rows(problem, discount)
     advantages = rows.coefficients @ reward(problem.features, problem.expert.target, w)
-    return rows.states, least_by_margin(advantages, rows.margin_index, len(rows.states))
+    return rows.states, smallest_by_margin(advantages, rows.margin_index, len(rows.states))
 
 
-def least_by_margin(
+def smallest_by_margin(
     advantages: Float64[np.ndarray, "rows"], margin_index: Int64[np.ndarray, "rows"], n_margins: int
 ) -> Float64[np.ndarray, "margins"]:
-    """The least advantage among the rows of each margin.
+    """The smallest advantage among the rows of each margin.
 
     Args:
         advantages: value of each row.

@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
-from pydantic import PositiveFloat, PositiveInt
+from pydantic import PositiveFloat
 from pydantic.dataclasses import dataclass as settings_dataclass
 from scipy.optimize import minimize
 
@@ -22,17 +22,19 @@ from relm_irl_jax.irl.expectations import mean_feature_expectations
 from relm_irl_jax.irl.problem import MaxMarginProblem, check_problem, relative_features
 from relm_irl_jax.irl.solution import Solution, Status, normalised_solution
 
+MAX_ITERATIONS = 500
+"""Maximum number of L-BFGS steps."""
+
+TOLERANCE = 1e-4
+"""Largest entry of the gradient at which to stop, relative to the largest entry of μ_E."""
+
 
 @settings_dataclass(frozen=True)
 class MaxEntropySettings:
-    """Regulariser and limits of maximum-entropy inverse reinforcement learning."""
+    """Regulariser of maximum-entropy inverse reinforcement learning."""
 
     regularisation: PositiveFloat = 1e-4
     """Weight λ of ½‖w‖²; without it, w diverges for a deterministic expert."""
-    iterations: PositiveInt = 500
-    """Maximum number of L-BFGS steps."""
-    tolerance: PositiveFloat = 1e-4
-    """Largest entry of the gradient at which to stop, relative to the largest entry of μ_E."""
 
 
 def max_entropy(
@@ -46,7 +48,7 @@ def max_entropy(
 
     Args:
         problem: the expert and the states S₀.
-        settings: regulariser and limits; the defaults if None.
+        settings: the regulariser; the default if None.
         discount: γ.
         r_max: size of the largest reward.
 
@@ -73,17 +75,17 @@ def max_entropy(
             objective = float(value) - w @ expert + 0.5 * settings.regularisation * w @ w
             return float(objective), np.asarray(visits) - expert + settings.regularisation * w
 
-        found = minimize(
+        minimum = minimize(
             loss,
             np.zeros(len(expert)),
             jac=True,
             method="L-BFGS-B",
-            options={"maxiter": settings.iterations, "gtol": settings.tolerance * size, "ftol": 0.0},
+            options={"maxiter": MAX_ITERATIONS, "gtol": TOLERANCE * size, "ftol": 0.0},
         )
-        gap = float(np.abs(loss(found.x)[1]).max()) / size
-    status = Status.OPTIMAL if gap <= settings.tolerance else Status.NOT_CONVERGED
-    status = Status.INACCURATE if settings.tolerance < gap <= 100 * settings.tolerance else status
-    return normalised_solution(problem, found.x, status, discount=discount, r_max=r_max, gap=gap)
+        gap = float(np.abs(loss(minimum.x)[1]).max()) / size
+    status = Status.OPTIMAL if gap <= TOLERANCE else Status.NOT_CONVERGED
+    status = Status.INACCURATE if TOLERANCE < gap <= 100 * TOLERANCE else status
+    return normalised_solution(problem, minimum.x, status, discount=discount, r_max=r_max, gap=gap)
 
 
 @jax.jit

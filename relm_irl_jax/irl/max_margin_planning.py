@@ -6,9 +6,9 @@ decisions in which π departs from the expert:
 
     minimise ½λ‖w‖² + ξ   subject to   w·μ_E ≥ w·μ(π) + L(π) − ξ  for every policy π.
 
-There are exponentially many policies, but the maximum over π of w·μ(π) + L(π) is itself a linear program, that of the
-optimal value under the reward w·ψ(s) plus 1 for each departure. Its dual minimises values v that no action improves,
-and gives one compact program:
+There are exponentially many policies, but the maximum over π of w·μ(π) + L(π) is itself a linear program: it is the
+optimal value under the reward w·ψ(s) plus 1 for each departure. Its dual minimises values v that no action improves.
+Inserting the dual gives one compact program:
 
     minimise ½λ‖w‖² + E[v(s₀)] − w·μ_E   subject to   v(s) ≥ r(s) + l(s, a) + γ v(s'),  r = Ψw,  v(g) = 0.
 """
@@ -63,17 +63,17 @@ def max_margin_planning(
     # Unknowns: w, r and v. Rows: Ψw − r = 0, v(g) = 0, and one for each action in each state but the target.
     state, action = np.repeat(away, 4), np.tile(np.arange(4), len(away))
     row = np.arange(len(state))
-    own = csr_array((np.ones(len(row)), (row, state)), shape=(len(row), n))
-    next_own = csr_array((np.ones(len(row)), (row, problem.successors[state, action])), shape=(len(row), n))
+    at_state = csr_array((np.ones(len(row)), (row, state)), shape=(len(row), n))
+    at_next = csr_array((np.ones(len(row)), (row, problem.successors[state, action])), shape=(len(row), n))
     at_target = coo_array(([1.0], ([0], [target])), shape=(1, n))
     rows = block_array(
         [
             [csr_array(relative), -eye_array(n), None],
             [None, None, at_target],
-            [None, own, discount * next_own - own],
+            [None, at_state, discount * at_next - at_state],
         ]
     )
-    # Ties are no departure: they are as good as the expert's action.
+    # Actions as good as the expert's do not count as departures.
     loss = (problem.expert.suboptimal | problem.expert.better)[state, action].astype(np.float64)
     quadratic = diags_array(np.concatenate([np.full(d, settings.regularisation), np.zeros(2 * n)]))
     start_distribution = np.zeros(n)

@@ -1,4 +1,4 @@
-"""All methods of inverse reinforcement learning behind one function, `learn_weights`, and one settings class."""
+"""All methods of inverse reinforcement learning: one function, `learn_weights`, and one settings class."""
 
 from collections.abc import Sequence
 from typing import Literal
@@ -19,10 +19,7 @@ Method = Literal["max-margin", "apprenticeship", "max-margin-planning", "max-ent
 
 @settings_dataclass(frozen=True)
 class IrlMethodSettings:
-    """The method of inverse reinforcement learning, and the settings of each method.
-
-    Settings that need it together with fields of their own can inherit from this class.
-    """
+    """The method of inverse reinforcement learning, and the settings of each method."""
 
     method: Method = "max-margin"
     """`max-margin` (the paper's), `apprenticeship` (Abbeel and Ng, 2004), `max-margin-planning` (Ratliff et al., 2006)
@@ -52,7 +49,7 @@ def learn_weights(
         description: the progress bar's text.
 
     Returns:
-        One solution per problem. If a problem is ill posed or cannot be solved, its status and message say so.
+        One solution for each problem. If a problem is ill posed or cannot be solved, its status and message say so.
     """
     settings = settings or IrlMethodSettings()
     if settings.method == "max-margin":

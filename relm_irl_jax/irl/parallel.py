@@ -1,13 +1,13 @@
-"""Solve many maximum-margin problems side by side: on the cores of one machine, or on a cluster.
+"""Solve many maximum-margin problems in parallel, on the cores of one computer or on a cluster.
 
-Problems are sent in small chunks to the workers of joblib, by default to processes of this machine. Its configuration
-sends them elsewhere, for example to a Dask cluster:
+Problems are sent in small chunks to joblib's workers, by default processes on this computer. joblib's configuration can
+select other workers, for example a Dask cluster:
 
     client = distributed.Client("scheduler:8786")
     with joblib.parallel_config(backend="dask"):
         solutions = solve_many(problems)
 
-Workers compute rewards, and import neither JAX nor cvxpy. This process computes the weights.
+Workers compute rewards, and import neither JAX nor cvxpy. The calling process computes the weights.
 """
 
 import os
@@ -34,10 +34,10 @@ CHUNK = 8
 
 @dataclass(frozen=True)
 class _Chunk:
-    """Problems of one scene that one worker solves in a row.
+    """Problems of one scene that one worker solves one after another.
 
     Attributes:
-        numbers: the problems, by their position among all problems.
+        numbers: the problems' positions among all problems.
         problems: the problems.
         features: the scene's factorised features.
     """
@@ -61,12 +61,12 @@ def solve_many(
     Args:
         problems: the problems. Those of one scene should share their `features` and `successors` arrays.
         settings: form, regulariser and constants; the defaults if None.
-        processes: number of workers; 1 solves in this process. None takes the `n_jobs` of `joblib.parallel_config`,
-            and where that is not set all cores or the whole cluster.
+        processes: number of workers; 1 solves in this process. None uses the `n_jobs` of `joblib.parallel_config`, and
+            if that is not set, all cores or the whole cluster.
         description: the progress bar's text.
 
     Returns:
-        One solution per problem, in their order.
+        One solution for each problem, in the same order.
     """
     settings = settings or MaxMarginSettings()
     solutions: dict[int, Solution] = {}
@@ -85,8 +85,8 @@ def solve_many(
             solutions.update((number, unsolved(problems[number], Status.INVALID, str(error))) for number in numbers)
             continue
         for first in range(0, len(numbers), CHUNK):
-            own = numbers[first : first + CHUNK]
-            chunks.append(_Chunk(own, [problems[number] for number in own], features))
+            chunk_numbers = numbers[first : first + CHUNK]
+            chunks.append(_Chunk(chunk_numbers, [problems[number] for number in chunk_numbers], features))
     workers = _count_workers(processes, len(chunks))
     solve = _solve_here(chunks, settings) if workers == 1 else _solve_in_workers(chunks, settings, workers)
     with progress_bar(description, len(problems), "problems") as advance, closing(solve) as results:
@@ -99,7 +99,7 @@ def solve_many(
 
 
 def _count_workers(processes: int | None, n_chunks: int) -> int:
-    """Number of workers worth having; raises whatever joblib's backend raises if it has no workers."""
+    """Number of useful workers; raises the exception of joblib's backend if that has no workers."""
     if processes == 1:
         return 1
     backend, configured = get_active_backend()
@@ -119,8 +119,8 @@ def _solve_in_workers(
 ) -> Generator[tuple[_Chunk, list[RewardSolution]]]:
     """Solve chunks in joblib's workers, and yield each when it is done.
 
-    A worker that crashes takes all work in progress with it, and does not say which problem was to blame. The chunks
-    without a result are therefore divided and sent again, until a single problem is left, which has failed.
+    If a worker crashes, all work in progress is lost, and the cause is unknown. The chunks without a result are
+    therefore divided and sent again, until a chunk of a single problem crashes, which is then reported as failed.
     """
     options = {}
     if isinstance(get_active_backend()[0], LokyBackend):
@@ -137,7 +137,7 @@ def _solve_in_workers(
         except Exception as error:
             rest = list(waiting.values())
             if len(rest) == 1 and len(rest[0].numbers) == 1:
-                message = f"the solver process broke: {type(error).__name__}: {error}"
+                message = f"the solver process crashed: {type(error).__name__}: {error}"
                 yield rest[0], [without_reward(rest[0].problems[0], Status.FAILED, message)]
             else:
                 groups += _halves(rest)
@@ -157,9 +157,9 @@ def _halves(chunks: list[_Chunk]) -> list[list[_Chunk]]:
 
 
 def _task(number: int, chunk: _Chunk, settings: MaxMarginSettings):
-    """A chunk as a task of joblib, with no more than a worker needs.
+    """A chunk as a joblib task, with only the data that a worker needs.
 
-    Arrays that chunks share are arguments of their own: this is how a cluster recognises and sends them once.
+    Arrays that chunks share are separate arguments, so that a cluster recognises them and sends them once.
     """
     return joblib.delayed(solve_in_worker)(
         [replace(problem, features=np.zeros((len(problem.features), 0))) for problem in chunk.problems],
@@ -174,7 +174,7 @@ def _task(number: int, chunk: _Chunk, settings: MaxMarginSettings):
 
 @contextmanager
 def _closing_quietly(results: Generator) -> Generator[Generator]:
-    """Close joblib's generator in the end, without its advice on tasks that an interruption cancelled."""
+    """Close joblib's generator on exit, without its warning about tasks that an interruption cancelled."""
     try:
         yield results
     finally:

@@ -6,7 +6,7 @@ from jaxtyping import Float64, Int32, Int64
 from relm_irl_jax.irl.expectations import feature_expectations
 
 GAIN_TOLERANCE = 1e-10
-"""Gain, relative to the largest value, below which an action is kept: rounding must not make the iteration cycle."""
+"""Improvements below this share of the largest value are ignored, so that rounding errors cannot cause a cycle."""
 
 
 def optimal_policy(
@@ -24,13 +24,14 @@ def optimal_policy(
         discount: γ.
 
     Returns:
-        The action in every state. The target's has no meaning.
+        The action in every state; the target's action has no meaning.
     """
     states = np.arange(len(successors))
-    own = np.where(states == target, 0.0, rewards)
+    absorbing_rewards = np.where(states == target, 0.0, rewards)
     action = np.zeros(len(successors), np.int64)
     while True:
-        value = feature_expectations(own[:, None], next_states(successors, target, action), discount)[:, 0]
+        next_state = next_states(successors, target, action)
+        value = feature_expectations(absorbing_rewards[:, None], next_state, discount)[:, 0]
         quality = rewards[:, None] + discount * value[successors]
         best = np.argmax(quality, axis=1)
         tolerance = GAIN_TOLERANCE * max(1.0, float(np.abs(value).max()))

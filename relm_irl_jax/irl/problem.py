@@ -9,11 +9,11 @@ leads to. The margin of a state is the advantage of the expert's action over the
 The problem is to maximise Σ_{s ∈ S₀} p(m(s)), minus a regulariser, over all w whose reward stays within bounds on
 every state of the scene (Eq. 7 and 8). The paper has p(x) = x; Ng and Russell (2000) weigh negative margins by 2.
 
-**The absorbing target.** The expert stays at its target g for ever, so its values contain an infinite sum of w·φ(g).
-An agent's episode ends at g with a return of 0 instead. The two agree if the reward is counted relative to the
-target's: w·ψ(s) with ψ(s) = φ(s) − φ(g), which is 0 at g. This shifts all values by the same constant
-w·φ(g)/(1 − γ), so margins and optimal policies do not change. `relative_features` computes ψ; every method of this
-package, and every user of its weights, uses ψ in place of φ.
+**The absorbing target.** The expert stays at its target g forever, so its values contain an infinite sum of w·φ(g).
+An agent's episode ends at g with a return of 0 instead. The two agree if the reward is relative to the target's:
+w·ψ(s) with ψ(s) = φ(s) − φ(g), which is 0 at g. This shifts all values by the same constant w·φ(g)/(1 − γ), so margins
+and optimal policies do not change. `relative_features` computes ψ; every method of this package, and every user of its
+weights, uses ψ instead of φ.
 """
 
 from dataclasses import dataclass
@@ -48,23 +48,23 @@ class MaxMarginSettings:
     """Bound of the reward, R_max."""
     penalty: Annotated[float, Field(ge=1.0)] = 1.0
     """Factor on negative margins: p(x) = x for x ≥ 0 and penalty·x for x < 0. Set it to 2 (Ng and Russell) for experts
-    that are not optimal; above 1, actions better than the expert's have margins as well."""
+    that are not optimal; above 1, actions better than the expert's also have margins."""
     compare_with_lp: bool = True
-    """Whether to solve the linear program as well, for `Solution.share_of_lp`. This doubles the work."""
+    """Whether to also solve the linear program, for `Solution.share_of_lp`; this doubles the computation."""
 
 
 @dataclass(frozen=True)
 class MaxMarginProblem:
     """An expert in a scene, and the states at which its action should beat the alternatives.
 
-    Problems of one scene should share their `features` array: it is factorised once per array.
+    Problems of one scene should share their `features` array, which is factorised once.
 
     Attributes:
         features: φ(s) of all states of the scene.
         successors: next state for each action, see `scenes.scene.successors`.
         expert: the expert's decision at every state.
         states: S₀, the states along one trajectory or along all trajectories to a target; duplicates count once.
-        name: how messages refer to the problem, for example by scene and target.
+        name: name of the problem in messages.
     """
 
     features: Real[np.ndarray, "states d"]
@@ -112,21 +112,21 @@ def check_problem(problem: MaxMarginProblem, settings: MaxMarginSettings | None 
         settings: settings of the maximum-margin problem; None for methods that accept suboptimal experts.
 
     Raises:
-        InputError: names the problem, what is wrong with it and the remedy.
+        InputError: the problem is ill posed.
     """
     name, expert = problem.name or f"the problem of target {problem.expert.target}", problem.expert
     states = np.unique(problem.states)
     if len(states) and not 0 <= states[0] <= states[-1] < len(problem.features):
-        raise InputError(f"{name}: asks for states outside the scene's 0 to {len(problem.features) - 1}.")
+        raise InputError(f"{name}: `states` must be numbers of the scene's states, 0 to {len(problem.features) - 1}.")
     stuck = states[(expert.action[states] == NO_ACTION) & (states != expert.target)]
     if len(stuck):
         raise InputError(
             f"{name}: the expert cannot reach the target {expert.target} from state {stuck[0]}; "
             "leave out trajectories that do not arrive."
         )
-    beaten, action = np.nonzero(expert.better[states])
-    if len(beaten) and settings is not None and settings.penalty == 1.0:
+    index, action = np.nonzero(expert.better[states])
+    if len(index) and settings is not None and settings.penalty == 1.0:
         raise InputError(
-            f"{name}: at state {states[beaten[0]]} action {action[0]} is better than the expert's action "
-            f"{expert.action[states[beaten[0]]]}; for experts that are not optimal set the penalty to 2."
+            f"{name}: at state {states[index[0]]} action {action[0]} is better than the expert's action "
+            f"{expert.action[states[index[0]]]}; for experts that are not optimal set the penalty to 2."
         )

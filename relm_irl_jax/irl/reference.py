@@ -25,7 +25,7 @@ def reference_max_margin(problem: MaxMarginProblem, settings: MaxMarginSettings 
         settings: form, regulariser and constants; the defaults if None.
 
     Returns:
-        The solution. Its w is some optimal one, not the one of least norm. The share of the linear program and the
+        The solution. Its w is any optimal w, not the one of minimum norm. The share of the linear program and the
         duality gap are not computed.
 
     Raises:
@@ -33,7 +33,7 @@ def reference_max_margin(problem: MaxMarginProblem, settings: MaxMarginSettings 
     """
     settings = settings or MaxMarginSettings()
     check_problem(problem, settings)
-    expert, following = problem.expert, problem.successors
+    expert, successors = problem.expert, problem.successors
     features = np.asarray(problem.features, np.float64)
     relative = relative_features(features, expert.target)
     value = feature_expectations(relative, expert.next_state, settings.discount)
@@ -43,7 +43,7 @@ def reference_max_margin(problem: MaxMarginProblem, settings: MaxMarginSettings 
     w = cp.Variable(features.shape[1])
     margins, states = [], []
     for state in visited:
-        advantage = value[expert.next_state[state]] - value[following[state, compared[state]]]
+        advantage = value[expert.next_state[state]] - value[successors[state, compared[state]]]
         if len(advantage):
             margins.append(cp.min(advantage @ w))  # Eq. 8: the best suboptimal action.
             states.append(state)

@@ -1,4 +1,4 @@
-"""Solutions of inverse reinforcement learning: weights, how they were found, and how good they are."""
+"""Solutions of inverse reinforcement learning: weights, status and certificate."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -11,12 +11,12 @@ from relm_irl_jax.irl.problem import MaxMarginProblem, reward
 
 
 class Status(StrEnum):
-    """How the solution of a problem ended."""
+    """Outcome of solving a problem."""
 
     OPTIMAL = "optimal"
     """Solved to the tolerances."""
     INACCURATE = "inaccurate"
-    """Solved to reduced tolerances; see the solution's gap and residual."""
+    """Solved to looser tolerances; see the solution's gap and residual."""
     INFEASIBLE = "infeasible"
     """No w satisfies the constraints."""
     UNBOUNDED = "unbounded"
@@ -38,9 +38,9 @@ class Solution:
     The reward under `w` is `irl.reward(features, target, w)`.
 
     Attributes:
-        w: weights; of least norm among those with the same reward for the maximum-margin method. NaN unless the
-            status is optimal or inaccurate.
-        status: how the solution ended.
+        w: weights; for the maximum-margin method, those of minimum norm among weights with the same reward. NaN unless
+            the status is optimal or inaccurate.
+        status: outcome of the solver.
         objective: the method's objective at w.
         share_of_lp: Σ p(margin) at w divided by the linear program's optimum; NaN if that was not solved or is 0.
         duality_gap: upper bound on optimum − objective, divided by max(1, |objective|).
@@ -73,11 +73,11 @@ def unsolved(problem: MaxMarginProblem, status: Status, message: str = "") -> So
 
     Args:
         problem: the problem.
-        status: why, as a status.
-        message: why, in words.
+        status: the reason, as a status.
+        message: the reason, in words.
 
     Returns:
-        A solution whose numbers are all NaN.
+        A solution with NaN in all numbers.
     """
     return Solution(
         w=np.full(problem.features.shape[1], np.nan),
@@ -101,10 +101,10 @@ def normalised_solution(
     Args:
         problem: the problem.
         w: weights of any scale.
-        status: how the method ended.
+        status: outcome of the method.
         discount: γ of the margins.
-        r_max: size of the largest reward, relative to the target's, after scaling.
-        gap: the method's own relative measure of how far it is from its optimum.
+        r_max: largest |reward|, relative to the target's, after scaling.
+        gap: the method's relative distance from its optimum.
 
     Returns:
         The solution; its objective is the sum of the margins.

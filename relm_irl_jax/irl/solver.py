@@ -1,7 +1,7 @@
-"""Solve one maximum-margin problem fast, with a certificate of optimality.
+"""Solve one maximum-margin problem with a fast solver and a certificate of optimality.
 
 The features are factorised (`feature_factorisation.py`), the margins become sparse rows (`margins.py`), a convex
-program over the reward is solved (`convex_program.py`), and w is the weights of least norm for that reward.
+program over the reward is solved (`convex_program.py`), and w is the vector of minimum norm that gives this reward.
 """
 
 from collections.abc import Sequence
@@ -43,7 +43,7 @@ def max_margin(problem: MaxMarginProblem, settings: MaxMarginSettings | None = N
 
 @dataclass(frozen=True)
 class ProgramSolution:
-    """A point of a convex program, with a status that rests on its certificate instead of the solver's claim.
+    """A point of a convex program, with a status derived from the certificate, not from the solver's report.
 
     Attributes:
         status: optimal or inaccurate if gap and violation are within the tolerances; otherwise the solver's status.
@@ -111,7 +111,7 @@ def solve_for_reward(
     """
     rows = margin_rows(problem, settings.discount, include_better=settings.penalty > 1.0)
     if not len(rows.states):
-        return without_reward(problem, Status.NO_DECISION, "no state asked for has an action worse than the expert's")
+        return without_reward(problem, Status.NO_DECISION, "no state of `states` has an action worse than the expert's")
     return solve_rows(rows, problem, features, settings)
 
 
@@ -132,22 +132,22 @@ def solve_rows(
     target = problem.expert.target
     weight = settings.regularisation * len(np.unique(problem.states))
     program = convex_program(rows, features, target, settings, weight)
-    found = solve_program(program)
-    if found.status not in (Status.OPTIMAL, Status.INACCURATE):
-        return without_reward(problem, found.status, f"the solver ended with: {found.status}")
-    margin = program.margin(found.point)
+    optimum = solve_program(program)
+    if optimum.status not in (Status.OPTIMAL, Status.INACCURATE):
+        return without_reward(problem, optimum.status, f"the solver ended with: {optimum.status}")
+    margin = program.margin(optimum.point)
     share = 1.0 if settings.variant == "lp" else np.nan
     if settings.compare_with_lp and settings.variant != "lp":
         lp = solve_program(convex_program(rows, features, target, replace(settings, variant="lp"), 0.0))
         if lp.status is Status.OPTIMAL and lp.objective > 0.0:
             share = program.margin_sum(margin) / lp.objective
-    reward = program.reward(found.point)
+    reward = program.reward(optimum.point)
     solution = Solution(
         w=np.full(0, np.nan),
-        status=found.status,
-        objective=found.objective,
+        status=optimum.status,
+        objective=optimum.objective,
         share_of_lp=share,
-        duality_gap=found.duality_gap,
+        duality_gap=optimum.duality_gap,
         primal_residual=np.nan,
         states=rows.states,
         margin=margin,
@@ -162,7 +162,7 @@ def add_weights(
     features: FactorisedFeatures,
     settings: MaxMarginSettings,
 ) -> list[Solution]:
-    """Compute the weights of the rewards found for problems of one scene, and how far they are out of bounds.
+    """Compute the weights of solved rewards of one scene, and how far the rewards are out of bounds.
 
     Args:
         solved: the rewards.
@@ -194,25 +194,25 @@ def without_reward(problem: MaxMarginProblem, status: Status, message: str) -> R
 
     Args:
         problem: the problem.
-        status: why, as a status.
-        message: why, in words.
+        status: the reason, as a status.
+        message: the reason, in words.
 
     Returns:
-        A reward of 0, and a solution whose numbers are all NaN.
+        A reward of 0, and a solution with NaN in all numbers.
     """
     return RewardSolution(np.zeros(len(problem.successors)), unsolved(problem, status, message))
 
 
 def _certify(
-    program: ConvexProgram, point: Float64[np.ndarray, "rank"], duals: DualVariables, claim: Status
+    program: ConvexProgram, point: Float64[np.ndarray, "rank"], duals: DualVariables, reported: Status
 ) -> ProgramSolution:
-    """Judge a solver's result by its certificate; without one, the solver's claim stands unless it is success."""
+    """Assess a solver's result by its certificate; if that fails, keep the solver's status unless it is a success."""
     objective, violation = program.objective(point), program.bound_violation(point)
     gap = (program.dual_bound(point, duals) - objective) / max(1.0, abs(objective))
-    worst, status = max(abs(gap), violation), claim
-    if worst <= INACCURATE_TOLERANCE and claim not in (Status.INFEASIBLE, Status.UNBOUNDED):
+    worst, status = max(abs(gap), violation), reported
+    if worst <= INACCURATE_TOLERANCE and reported not in (Status.INFEASIBLE, Status.UNBOUNDED):
         status = Status.OPTIMAL if worst <= OPTIMAL_TOLERANCE else Status.INACCURATE
-    elif claim in (Status.OPTIMAL, Status.INACCURATE):
+    elif reported in (Status.OPTIMAL, Status.INACCURATE):
         status = Status.NOT_CONVERGED
     return ProgramSolution(status, point, objective, gap, violation)
 

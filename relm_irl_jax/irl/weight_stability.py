@@ -1,4 +1,4 @@
-"""How much w changes under small changes of the problem, for each form and regulariser of the maximum-margin problem.
+"""Changes of w under small changes of the problem, for each form and regulariser of the maximum-margin problem.
 
 Weights that jump between neighbouring starts cannot be predicted from the start by regression. Over single
 trajectories, this measures ‖w − w′‖/‖w‖ when the start moves one step along the trajectory, and when every margin row
@@ -27,7 +27,7 @@ PERTURBATION = 1e-3
 
 @dataclass(frozen=True)
 class WeightStability:
-    """Relative changes of w over trajectories, for one way to state the problem.
+    """Relative changes of w over trajectories, for one form and regulariser.
 
     Attributes:
         settings: form and regulariser.
@@ -35,8 +35,8 @@ class WeightStability:
         start_p90: its 90th percentile.
         margin_median: median change when the margins change by `PERTURBATION`.
         margin_p90: its 90th percentile.
-        share_of_lp: median share of the linear program's objective that is kept.
-        solved: share of the trajectories whose problems were all solved to optimality.
+        share_of_lp: median share of the linear program's objective that the solutions reach.
+        solved: share of the trajectories for which all problems were solved to optimality.
     """
 
     settings: MaxMarginSettings
@@ -56,12 +56,12 @@ def measure_weight_stability(
     trajectories: int,
     seed: int,
 ) -> tuple[WeightStability, ...]:
-    """Measure how much w changes, for several ways to state the problem.
+    """Measure how much w changes, for several forms and regularisers.
 
     Args:
         scene: the scene.
         features: φ(s) of all its states.
-        settings: the ways to state the problem.
+        settings: the forms and regularisers.
         trajectories: number of random pairs of start and target, the same for all settings.
         seed: seed of the pairs and of the changes.
 
@@ -84,24 +84,24 @@ def measure_weight_stability(
                 expert = shortest_path_expert(scene, target)
                 states = follow_expert(scene, expert, start).states[:-1]
                 problem = MaxMarginProblem(features, successors(scene.graph), expert, states)
-                later = replace(problem, states=states[1:])
+                shorter = replace(problem, states=states[1:])
                 rows = margin_rows(problem, each.discount)
                 scaled = csr_array(diags_array(factor[: len(rows.margin_index)]) @ rows.coefficients)
                 w, share = _solve(rows, problem, factorised, each)
-                from_next, _ = _solve(margin_rows(later, each.discount), later, factorised, each)
+                from_next, _ = _solve(margin_rows(shorter, each.discount), shorter, factorised, each)
                 perturbed, _ = _solve(replace(rows, coefficients=scaled), problem, factorised, each)
                 advance(1)
                 if w is not None and from_next is not None and perturbed is not None:
                     changes.append([np.linalg.norm(other - w) / np.linalg.norm(w) for other in (from_next, perturbed)])
                     shares.append(share)
-            of_start, of_margins = np.asarray(changes).T
+            start_changes, margin_changes = np.asarray(changes).T
             table.append(
                 WeightStability(
                     settings=each,
-                    start_median=float(np.median(of_start)),
-                    start_p90=float(np.percentile(of_start, 90)),
-                    margin_median=float(np.median(of_margins)),
-                    margin_p90=float(np.percentile(of_margins, 90)),
+                    start_median=float(np.median(start_changes)),
+                    start_p90=float(np.percentile(start_changes, 90)),
+                    margin_median=float(np.median(margin_changes)),
+                    margin_p90=float(np.percentile(margin_changes, 90)),
                     share_of_lp=float(np.median(shares)),
                     solved=len(changes) / trajectories,
                 )
@@ -112,8 +112,8 @@ def measure_weight_stability(
 def _solve(
     rows: MarginRows, problem: MaxMarginProblem, features: FactorisedFeatures, settings: MaxMarginSettings
 ) -> tuple[Float64[np.ndarray, "d"] | None, float]:
-    """The weights, None unless optimal, and the share of the linear program's objective that they keep."""
-    found = solve_rows(rows, problem, features, settings)
-    if found.solution.status is not Status.OPTIMAL:
+    """The weights, None unless optimal, and the share of the linear program's objective that they reach."""
+    solved = solve_rows(rows, problem, features, settings)
+    if solved.solution.status is not Status.OPTIMAL:
         return None, np.nan
-    return features.weights(found.reward[None])[0], found.solution.share_of_lp
+    return features.weights(solved.reward[None])[0], solved.solution.share_of_lp

@@ -1,4 +1,4 @@
-"""What the workers of `parallel.py` run. Nothing here imports JAX or cvxpy, so that workers start fast."""
+"""Code that the workers of `parallel.py` run. It imports neither JAX nor cvxpy, so that workers start fast."""
 
 import os
 import threading
@@ -26,16 +26,16 @@ def solve_in_worker(
     number: int,
     parent: int,
 ) -> tuple[int, list[RewardSolution]]:
-    """Solve problems of one scene, as a worker of another process.
+    """Solve problems of one scene in a worker process.
 
     Args:
         problems: the problems; of their features only the shape is read.
         settings: form, regulariser and constants.
-        left_vectors: see `FactorisedFeatures`, as the next two.
-        singular_values: see there.
-        full_rank: see there.
-        number: returned as it is, to recognise the result by.
-        parent: number of the process that sends the work.
+        left_vectors: see `FactorisedFeatures`.
+        singular_values: see `FactorisedFeatures`.
+        full_rank: see `FactorisedFeatures`.
+        number: number of the chunk, which is returned unchanged.
+        parent: process id of the calling process.
 
     Returns:
         The number, and the reward of each problem.
@@ -72,17 +72,17 @@ def one_blas_thread_outside(process: int) -> Generator[None]:
     """Limit BLAS to one thread, except in one process and its threads.
 
     Args:
-        process: number of the process where nothing changes.
+        process: id of the process without the limit.
     """
     with threadpool_limits(None if os.getpid() == process else 1):
         yield
 
 
 def end_with_parent(parent: int) -> None:
-    """End this process as soon as its parent has ended, in whatever way; joblib's would go on waiting for work.
+    """End this process when its parent has ended for any reason; joblib's workers would wait for more work.
 
     Args:
-        parent: number of the parent process.
+        parent: id of the parent process.
     """
 
     def watch() -> None:

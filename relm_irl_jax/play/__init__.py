@@ -1,1 +1,1 @@
-"""Watching agents, and walking to targets by keyboard."""
+"""Animations of agents, and navigation by keyboard."""

@@ -1,4 +1,4 @@
-"""Watching an agent: one episode in each scene, as an animation of its view, the target's view and its path."""
+"""Animations of an agent's episodes: its view, the target's view and a map with its path."""
 
 from pathlib import Path
 
@@ -16,32 +16,32 @@ from relm_irl_jax.stages.encoding import encode_training
 from relm_irl_jax.stages.episodes import AgentChoice, EpisodePath, paths_of_agent
 
 FRAME_MILLISECONDS = 250
-"""Time that each step is shown; the last one stays four times as long."""
+"""Duration of each step; the last one is shown four times as long."""
 
 
 def play(config: Config, folder: RunFolder, choice: AgentChoice, episode: int) -> list[tuple[Path, EpisodePath]]:
-    """Run one episode in each scene of a task and write it as a GIF into the run folder.
+    """Run one episode in each scene of a task, and write it as a GIF to the run folder.
 
     Args:
         config: the configuration as run.
         folder: the run folder.
-        choice: which agent, on which task.
-        episode: number of the episode; another one draws another start, target and actions.
+        choice: the agent and the task.
+        episode: number of the episode, which determines start, target and actions.
 
     Returns:
         Files and paths, in the order of the scenes.
 
     Raises:
-        InputError: the run holds no such agent.
+        InputError: the run contains no such agent.
     """
     method, seed = choice.method, choice.seed
     if method != "random" and not folder.agent(method, seed).exists():
-        raise InputError(f"{folder.path}: holds no agent of {method} with seed {seed}; train it, or choose another.")
+        raise InputError(f"{folder.path}: contains no agent of {method} with seed {seed}; train it, or choose another.")
     played = []
     _, paths = paths_of_agent(config, folder, encode_training(config), choice, episode)
     with progress_bar("drawing episodes", len(paths), "scenes") as advance:
         for scene, episode_path in paths:
-            file = folder.film(method, choice.task, scene.name, episode)
+            file = folder.animation(method, choice.task, scene.name, episode)
             write_gif(file, scene, episode_path)
             played.append((file, episode_path))
             advance(1)
@@ -54,7 +54,7 @@ def write_gif(file: Path, scene: Scene, path: EpisodePath) -> None:
     Args:
         file: the file.
         scene: the scene with its views.
-        path: the episode.
+        path: the episode's path.
     """
     frames = [
         Image.fromarray(
@@ -71,37 +71,37 @@ def write_gif(file: Path, scene: Scene, path: EpisodePath) -> None:
 
 
 def draw_map(scene: Scene, path: EpisodePath, step: int, size: int) -> UInt8[np.ndarray, "size size 3"]:
-    """The room from above: free places, the path so far, the agent in blue and the target in red, with their headings.
+    """Draw the room from above: free places, the path so far, the agent in blue and the target in red.
 
     Args:
         scene: the scene.
-        walk: the path.
+        path: the episode's path.
         step: number of steps taken.
-        size: rows and columns of the picture.
+        size: rows and columns of the image.
 
     Returns:
-        The picture, +z upwards.
+        The image, with +z upwards.
     """
     low, high = scene.location.min(0) - GRID_STEP, scene.location.max(0) + GRID_STEP
     scale = size / (high - low).max()
     margin = (size - (high - low) * scale) / 2
 
-    def place(state: int) -> tuple[float, float]:
+    def to_pixels(state: int) -> tuple[float, float]:
         x, z = (scene.location[state] - low) * scale + margin
         return float(x), float(size - z)
 
-    picture = Image.new("RGB", (size, size), "white")
-    pen = ImageDraw.Draw(picture)
+    image = Image.new("RGB", (size, size), "white")
+    pen = ImageDraw.Draw(image)
     half = 0.45 * GRID_STEP * scale
-    for x, y in {place(state) for state in range(scene.n_states)}:
+    for x, y in {to_pixels(state) for state in range(scene.n_states)}:
         pen.rectangle((x - half, y - half, x + half, y + half), fill="#dddddd")
-    track = [place(int(state)) for state in path.states[: step + 1]]
+    track = [to_pixels(int(state)) for state in path.states[: step + 1]]
     if len(track) > 1:
         pen.line(track, fill="#1f6fd6", width=2)
     for state, colour in ((path.target, "#d62728"), (int(path.states[step]), "#1f6fd6")):
-        x, y = place(state)
+        x, y = to_pixels(state)
         radians = np.deg2rad(scene.rotation[state])
         tip = (x + 1.6 * half * np.sin(radians), y - 1.6 * half * np.cos(radians))
         pen.line(((x, y), tip), fill=colour, width=3)
         pen.ellipse((x - 0.7 * half, y - 0.7 * half, x + 0.7 * half, y + 0.7 * half), fill=colour)
-    return np.asarray(picture)
+    return np.asarray(image)

@@ -1,4 +1,4 @@
-"""Walking by keyboard: the current view and the target's in the terminal, four keys for the four actions."""
+"""Navigation by keyboard: the terminal shows the current view and the target's view, and keys select the actions."""
 
 import os
 import re
@@ -32,20 +32,20 @@ KEYS = {"\x1b[A": 0, "\x1b[C": 1, "\x1b[D": 2, "\x1b[B": 3, "w": 0, "d": 1, "a":
 QUIT = "q"
 
 COLUMNS = 48
-"""Most columns of the terminal that one picture takes."""
+"""Largest width of an image in terminal columns."""
 
 
-def task_of_run(config: Config, task: str, seed: int, name: str | None) -> tuple[Scene, list[int]]:
-    """A scene of a run, and the targets that a task has in it.
+def scene_and_targets_of_run(config: Config, task: str, seed: int, name: str | None) -> tuple[Scene, list[int]]:
+    """Load a scene of a run, and the targets of a task in it.
 
     Args:
         config: the configuration as run.
         task: `I`, `II` or `III`.
         seed: the seed that drew the targets.
-        name: the scene's name; the task's first scene where None.
+        name: the scene's name; the task's first scene if None.
 
     Returns:
-        The scene with its views, and the states that are targets.
+        The scene with its views, and its target states.
 
     Raises:
         InputError: the task has no such scene.
@@ -58,35 +58,35 @@ def task_of_run(config: Config, task: str, seed: int, name: str | None) -> tuple
     with_targets = {scene.name: scene for scene in scenes if states[scene.name]}
     chosen = next(iter(with_targets)) if name is None else name
     if chosen not in with_targets:
-        raise InputError(f"scene: Task {task} has no targets in {chosen}; it has some in {', '.join(with_targets)}.")
+        raise InputError(f"scene: Task {task} has no targets in {chosen}; give one of {', '.join(with_targets)}.")
     return with_targets[chosen], states[chosen]
 
 
-def any_task(scene: str, target: str | None) -> tuple[Scene, list[int]]:
-    """A scene of any kind, and targets in it.
+def scene_and_targets(scene: str, target: str | None) -> tuple[Scene, list[int]]:
+    """Load a scene, and choose targets in it.
 
     Args:
         scene: a scene file, or the name of a built-in room such as `bathroom-0`.
-        target: a category of objects; all of them where None.
+        target: a category of objects; all categories if None.
 
     Returns:
-        The scene with its views, and the states that are targets.
+        The scene with its views, and its target states.
 
     Raises:
         InputError: there is no such scene or category, or the scene has no views.
     """
-    found = find_scene(scene)
-    if found.observation is None:
-        raise InputError(f"scene: {scene} holds no views; give one that does.")
-    return found, target_states(found, target)
+    loaded = find_scene(scene)
+    if loaded.observation is None:
+        raise InputError(f"scene: {scene} has no views; give a scene with views.")
+    return loaded, target_states(loaded, target)
 
 
 def draw_episode(scene: Scene, targets: list[int], seed: int, episode: int) -> tuple[int, int]:
-    """Draw a target, and a start that can reach it and is not it.
+    """Draw a target, and a different start that can reach it.
 
     Args:
         scene: the scene.
-        targets: states that may be sought.
+        targets: possible target states.
         seed: the seed.
         episode: number of the episode.
 
@@ -101,17 +101,18 @@ def draw_episode(scene: Scene, targets: list[int], seed: int, episode: int) -> t
 def steps_by_keys(
     scene: Scene, start: int, target: int, keys: Iterable[str], show: Callable[[int, int, bool], None]
 ) -> EpisodePath:
-    """Walk as the keys say, until the target is found, `QUIT` is pressed or the keys end.
+    """Take the actions of pressed keys until the target is reached, `QUIT` is pressed or the keys end.
 
     Args:
         scene: the scene.
         start: first state.
-        target: state sought.
-        keys: keys pressed; those without an action are passed over.
-        show: called with the state, the number of steps and whether the last one collided, at first and after each.
+        target: target state.
+        keys: pressed keys; keys without an action are ignored.
+        show: called at the start and after each step with the state, the number of steps, and whether the last step
+            collided.
 
     Returns:
-        The walk; an action that collides is a step, too.
+        The path; a collision also counts as a step.
     """
     successor = successors(scene.graph)
     states = [start]
@@ -128,22 +129,22 @@ def steps_by_keys(
 
 
 def play_in_terminal(scene: Scene, start: int, target: int, console: Console) -> EpisodePath:
-    """Let the keyboard of this terminal walk.
+    """Run an episode with actions from the terminal's keyboard.
 
     Args:
         scene: the scene with its views.
         start: first state.
-        target: state sought.
-        console: where to draw.
+        target: target state.
+        console: the console to draw on.
 
     Returns:
-        The walk.
+        The path.
 
     Raises:
-        InputError: input or output is no terminal.
+        InputError: standard input or the console is not a terminal.
     """
     if not (sys.stdin.isatty() and console.is_terminal):
-        raise InputError("play --keyboard: there is no terminal to read keys from and draw in; start it in one.")
+        raise InputError("play --keyboard: input and output must be a terminal; start the command in one.")
     with terminal_keys() as keys, Live(console=console, screen=True, auto_refresh=False) as live:
         columns = max(8, min(COLUMNS, console.width // 2 - 4, 2 * (console.height - 6)))
         return steps_by_keys(
@@ -158,18 +159,18 @@ def play_in_terminal(scene: Scene, start: int, target: int, console: Console) ->
 
 
 def screen_of(scene: Scene, state: int, target: int, steps: int, collided: bool, columns: int) -> RenderableType:
-    """What the walker sees.
+    """The terminal's content: both views, status and keys.
 
     Args:
         scene: the scene with its views.
         state: current state.
-        target: state sought.
+        target: target state.
         steps: number of steps taken.
-        collided: whether the last one collided.
-        columns: width of a picture.
+        collided: whether the last step collided.
+        columns: width of an image in terminal columns.
 
     Returns:
-        Both views and a few words.
+        The content.
     """
     views = Table.grid(padding=(0, 1))
     views.add_row(
@@ -186,18 +187,18 @@ def screen_of(scene: Scene, state: int, target: int, steps: int, collided: bool,
     return page
 
 
-def half_blocks(picture: UInt8[np.ndarray, "rows columns 3"], columns: int) -> Text:
-    """A small picture as text: each character is two pixels, one above the other.
+def half_blocks(image: UInt8[np.ndarray, "rows columns 3"], columns: int) -> Text:
+    """A small image as text: each character shows two pixels, one above the other.
 
     Args:
-        picture: RGB.
-        columns: characters of a line.
+        image: RGB.
+        columns: characters in a line.
 
     Returns:
-        The text; the picture keeps its shape, as far as characters are twice as high as wide.
+        The text; the aspect ratio is right if characters are twice as high as wide.
     """
-    lines = max(1, round(columns * picture.shape[0] / picture.shape[1] / 2))
-    pixels = np.asarray(Image.fromarray(picture).resize((columns, 2 * lines), Image.Resampling.BOX))
+    lines = max(1, round(columns * image.shape[0] / image.shape[1] / 2))
+    pixels = np.asarray(Image.fromarray(image).resize((columns, 2 * lines), Image.Resampling.BOX))
     text = Text(no_wrap=True, end="")
     for line in range(lines):
         if line:
@@ -209,16 +210,16 @@ def half_blocks(picture: UInt8[np.ndarray, "rows columns 3"], columns: int) -> T
 
 @contextmanager
 def terminal_keys() -> Iterator[Iterator[str]]:
-    """Read keys as they are pressed, without echo; Ctrl-C ends them.
+    """Read keys as they are pressed, without echo, until Ctrl-C.
 
     Yields:
-        The keys, arrows as their escape sequences.
+        An iterator over the keys; arrow keys are escape sequences.
     """
-    import termios  # Unix alone has it
+    import termios  # only exists on Unix
     import tty
 
     handle = sys.stdin.fileno()
-    before = termios.tcgetattr(handle)
+    attributes = termios.tcgetattr(handle)
 
     def read() -> Iterator[str]:
         try:
@@ -231,16 +232,16 @@ def terminal_keys() -> Iterator[Iterator[str]]:
     try:
         yield read()
     finally:
-        termios.tcsetattr(handle, termios.TCSADRAIN, before)
+        termios.tcsetattr(handle, termios.TCSADRAIN, attributes)
 
 
 def split_keys(pressed: str) -> list[str]:
-    """Keys that were read at once.
+    """Split input into keys.
 
     Args:
         pressed: characters and escape sequences.
 
     Returns:
-        One text a key; arrows in the form of `KEYS`, whichever of both forms the terminal sends.
+        One string for each key; arrow keys in the form of `KEYS`, for both forms that terminals send.
     """
     return [key.replace("\x1bO", "\x1b[") for key in re.findall(r"\x1b[\[O][A-D]|.", pressed, re.DOTALL)]

@@ -1,1 +1,1 @@
-"""What a run shows: tables, figures, maps."""
+"""The report of a run: tables, figures, maps."""

@@ -1,4 +1,4 @@
-"""Differences between methods on the same seeds, and what they allow to be said."""
+"""Paired differences between methods on the same seeds, and conclusions from their confidence intervals."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -12,15 +12,15 @@ from relm_irl_jax.report.tables import MEAN, by_seed, methods_of
 from relm_irl_jax.results import Results, Task
 
 OURS = "relm-irl"
-"""The method that is compared."""
+"""The method that is compared with the baselines."""
 
 BASELINES = ("rl", "irl", "elm-irl")
-"""The methods that it is compared with."""
+"""The methods with which it is compared."""
 
 Verdict = Literal["ahead of", "behind", "not distinguishable from"]
 
 SMALLEST_DIFFERENCE = 0.0005
-"""A mean difference below this is shown as 0.000, and decides nothing."""
+"""Mean differences below this are printed as 0.000, and never count as significant."""
 
 
 @dataclass(frozen=True)
@@ -30,9 +30,9 @@ class PairedDifference:
     Attributes:
         task: `I`, `II` or `III`.
         baseline: the other method.
-        metric: `sr` or `spl`, more is better in both.
+        metric: `sr` or `spl`; for both, larger is better.
         value: mean difference and its 95% interval.
-        seeds: number of seeds that both have.
+        seeds: number of seeds that both methods have.
     """
 
     task: str
@@ -43,26 +43,26 @@ class PairedDifference:
 
     @property
     def verdict(self) -> Verdict:
-        """`ahead of` or `behind` where the difference is significant."""
+        """`ahead of` or `behind` if the difference is significant."""
         if not is_significant(self.value):
             return "not distinguishable from"
         return "ahead of" if self.value.mean > 0 else "behind"
 
 
 def is_significant(difference: MeanInterval) -> bool:
-    """Whether a difference's interval excludes zero, and the difference is not below `SMALLEST_DIFFERENCE`.
+    """Whether a difference is significant: its interval excludes zero, and it exceeds `SMALLEST_DIFFERENCE`.
 
     Args:
-        difference: the difference; one seed has no interval and decides nothing.
+        difference: the difference; with one seed it has no interval and is not significant.
 
     Returns:
-        Whether it does.
+        Whether it is significant.
     """
     return abs(difference.mean) > max(difference.half_width, SMALLEST_DIFFERENCE)
 
 
 def signed(difference: MeanInterval) -> str:
-    """A difference with its sign.
+    """Format a difference with its sign.
 
     Args:
         difference: the difference.
@@ -75,7 +75,7 @@ def signed(difference: MeanInterval) -> str:
 
 
 def markdown_difference(difference: MeanInterval) -> str:
-    """A difference for a table, bold where it is significant.
+    """Format a difference for a Markdown table, bold if it is significant.
 
     Args:
         difference: the difference.
@@ -93,9 +93,9 @@ def differences(results: Mapping[Task, Results]) -> list[PairedDifference]:
         results: metrics by task.
 
     Returns:
-        The differences of SR and SPL over at least two paired seeds; one seed decides nothing.
+        The differences of SR and SPL over at least two paired seeds.
     """
-    found = []
+    paired = []
     for task, of_task in results.items():
         present = methods_of(of_task.rows)
         for baseline in BASELINES if OURS in present else ():
@@ -105,64 +105,64 @@ def differences(results: Mapping[Task, Results]) -> list[PairedDifference]:
                 ours, theirs = (by_seed(of_task.rows, method, metric, MEAN) for method in (OURS, baseline))
                 value, seeds = paired_difference(ours, theirs)
                 if seeds > 1:
-                    found.append(PairedDifference(task, baseline, metric, value, seeds))
-    return found
+                    paired.append(PairedDifference(task, baseline, metric, value, seeds))
+    return paired
 
 
-def difference_columns(found: Sequence[PairedDifference]) -> dict[str, list]:
+def difference_columns(paired: Sequence[PairedDifference]) -> dict[str, list]:
     """Differences as columns.
 
     Args:
-        found: the differences.
+        paired: the differences.
 
     Returns:
         Columns for `write_table`.
     """
     return {
-        "task": [d.task for d in found],
-        "first": [OURS for _ in found],
-        "second": [d.baseline for d in found],
-        "metric": [d.metric for d in found],
-        "mean": [d.value.mean for d in found],
-        "half_width": [d.value.half_width for d in found],
-        "seeds": [d.seeds for d in found],
+        "task": [d.task for d in paired],
+        "first": [OURS for _ in paired],
+        "second": [d.baseline for d in paired],
+        "metric": [d.metric for d in paired],
+        "mean": [d.value.mean for d in paired],
+        "half_width": [d.value.half_width for d in paired],
+        "seeds": [d.seeds for d in paired],
     }
 
 
-def difference_table(found: Sequence[PairedDifference]) -> str:
-    """Differences for the report; significant ones are bold.
+def difference_table(paired: Sequence[PairedDifference]) -> str:
+    """Differences as a table of the report; significant ones are bold.
 
     Args:
-        found: the differences.
+        paired: the differences.
 
     Returns:
         A Markdown table.
     """
-    values = {(d.task, d.baseline, d.metric): d.value for d in found}
+    values = {(d.task, d.baseline, d.metric): d.value for d in paired}
     lines = ["| Task | Difference | SR | SPL |", "|---|---|---:|---:|"]
-    for task, baseline in dict.fromkeys((d.task, d.baseline) for d in found):
+    for task, baseline in dict.fromkeys((d.task, d.baseline) for d in paired):
         shown = [markdown_difference(values[task, baseline, metric]) for metric in ("sr", "spl")]
         lines.append(f"| {task} | {METHOD_NAMES[OURS]} − {METHOD_NAMES[baseline]} | {' | '.join(shown)} |")
     return "\n".join(lines)
 
 
-def statement(found: Sequence[PairedDifference]) -> list[str]:
-    """Say where RELM-IRL is ahead, behind, or neither, by the intervals alone.
+def statement(paired: Sequence[PairedDifference]) -> list[str]:
+    """Say for each task whether RELM-IRL is significantly ahead of or behind each baseline.
 
     Args:
-        found: the differences.
+        paired: the differences.
 
     Returns:
-        One sentence a task; a single one where there are too few seeds.
+        One sentence for each task; a single sentence if there are too few seeds.
     """
-    if not found:
-        return ["One seed says nothing about differences between methods; run more."]
+    if not paired:
+        return ["With one seed, no difference between methods can be significant; run more seeds."]
     sentences = []
-    for task in dict.fromkeys(d.task for d in found):
+    for task in dict.fromkeys(d.task for d in paired):
         parts = []
-        for baseline in dict.fromkeys(d.baseline for d in found if d.task == task):
+        for baseline in dict.fromkeys(d.baseline for d in paired if d.task == task):
             by_verdict: dict[str, list[str]] = {}
-            for d in found:
+            for d in paired:
                 if (d.task, d.baseline) == (task, baseline):
                     by_verdict.setdefault(d.verdict, []).append(f"{metric_name(d.metric)} {signed(d.value)}")
             parts.append(

@@ -1,4 +1,4 @@
-"""Maps of episodes: the path that an agent took, a shortest path, and the view that it was shown as its target."""
+"""Maps of episodes: the agent's path, a shortest path, and the target's view."""
 
 from collections.abc import Sequence
 
@@ -13,17 +13,17 @@ from relm_irl_jax.saved_maps import SavedEpisode
 from relm_irl_jax.scenes.scene import GRID_STEP
 
 COLUMNS = 3
-"""Most episodes beside each other."""
+"""Largest number of episodes in a row."""
 
 PATH_COLOUR = "#1f6fd6"
 TARGET_COLOUR = "#d62728"
 
 
 def episode_figure(episodes: Sequence[SavedEpisode]) -> Figure:
-    """Draw episodes from above, the target's view beneath each.
+    """Draw episodes from above, each with the target's view below it.
 
     Args:
-        episodes: one a scene.
+        episodes: the episodes.
 
     Returns:
         The figure.
@@ -45,14 +45,14 @@ def episode_figure(episodes: Sequence[SavedEpisode]) -> Figure:
 
 
 def episode_caption(episodes: Sequence[SavedEpisode], task: str) -> str:
-    """What a figure of episodes shows.
+    """Caption of a figure of episodes.
 
     Args:
         episodes: the episodes, all of one method and seed.
         task: the task.
 
     Returns:
-        A caption.
+        The caption.
     """
     first = episodes[0]
     shown = "; ".join(f"{e.poses.name}, target {target_name(e.target, e.category)}" for e in episodes)
@@ -60,14 +60,14 @@ def episode_caption(episodes: Sequence[SavedEpisode], task: str) -> str:
 
 
 def episode_columns(episodes: Sequence[SavedEpisode]) -> dict[str, list]:
-    """What the maps show, as a table.
+    """The data of the maps, as a table.
 
     Args:
-        episodes: one a scene.
+        episodes: the episodes.
 
     Returns:
-        Columns for `write_table`: scene, what the row is (a free place, the path taken, a shortest path, the target),
-        the step along a path, place in metres, and heading in degrees.
+        Columns for `write_table`: scene, kind of the row (a free place, the path taken, a shortest path, the target),
+        step along a path, position in metres, and heading in degrees.
     """
     rows = []
     for episode in episodes:
@@ -87,7 +87,7 @@ def episode_columns(episodes: Sequence[SavedEpisode]) -> dict[str, list]:
 
 
 def _draw(panel: Axes, episode: SavedEpisode) -> None:
-    """Draw the room from above with both paths, the start's and the target's headings."""
+    """Draw the room from above with both paths, and the headings of start and target."""
     location, rotation = episode.poses.location, episode.poses.rotation
     corners = np.unique(location, axis=0) - 0.46 * GRID_STEP
     squares = [Rectangle((x, z), 0.92 * GRID_STEP, 0.92 * GRID_STEP) for x, z in corners]

@@ -1,4 +1,4 @@
-"""Figures of a run: bars of a metric, the PRESS curve; and how a figure is saved with its table."""
+"""Figures of a run (bars of a metric, the PRESS curve), and saving of figures with their data."""
 
 import io
 from collections.abc import Mapping, Sequence
@@ -16,7 +16,7 @@ from relm_irl_jax.report.intervals import MeanInterval, mean_interval
 from relm_irl_jax.report.names import method_name
 
 FIGURE_DPI = 150
-"""Dots an inch of the PNG files."""
+"""Resolution of the PNG files, in dots per inch."""
 
 COLOURS = {
     "random": "#7f7f7f",
@@ -26,10 +26,10 @@ COLOURS = {
     "elm-irl": "#e08a1e",
     "relm-irl": "#d62728",
 }
-"""One colour a method; black, blue and red as in the paper's Figure 6."""
+"""Colour of each method; black, blue and red as in the paper's Figure 6."""
 
 OTHER_COLOUR = "#8c3fc0"
-"""Colour of methods that the paper does not know."""
+"""Colour of all other methods."""
 
 
 @dataclass(frozen=True)
@@ -38,8 +38,8 @@ class DrawnFigure:
 
     Attributes:
         path: the PNG file.
-        title: a few words on what it shows, read out where it cannot be seen.
-        caption: what it shows: which method, scene and target.
+        title: short title, which serves as alternative text.
+        caption: caption with method, scene and target.
     """
 
     path: Path
@@ -53,12 +53,12 @@ def method_colour(method: str) -> str:
 
 
 def save_figure(figure: Figure, path: Path, table: Mapping[str, Any]) -> None:
-    """Write a figure as PNG, and what it shows as CSV beside it.
+    """Write a figure as PNG, and its data as CSV in the same folder.
 
     Args:
         figure: the figure.
-        path: the PNG file; the table's name differs in its ending alone.
-        table: the values drawn, as named columns of equal length.
+        path: the PNG file; the CSV file has the same name with another suffix.
+        table: the data of the figure, as named columns of equal length.
     """
     buffer = io.BytesIO()
     figure.savefig(buffer, dpi=FIGURE_DPI, format="png")
@@ -67,12 +67,12 @@ def save_figure(figure: Figure, path: Path, table: Mapping[str, Any]) -> None:
 
 
 def bar_figure(bars: Mapping[str, Sequence[MeanInterval]], columns: Sequence[str], label: str) -> Figure:
-    """Methods side by side with error bars, one group a room type (the paper's Figure 11).
+    """Bars with error bars for each method, in one group for each room type (the paper's Figure 11).
 
     Args:
-        bars: for each method, one value a column.
-        columns: what the groups are called.
-        label: name of the vertical axis.
+        bars: for each method, one value for each group.
+        columns: names of the groups.
+        label: label of the vertical axis.
 
     Returns:
         The figure.
@@ -80,12 +80,12 @@ def bar_figure(bars: Mapping[str, Sequence[MeanInterval]], columns: Sequence[str
     figure = Figure(figsize=(5.6, 3.4), layout="constrained")
     panel = figure.subplots()
     width = 0.8 / len(bars)
-    for number, (method, own) in enumerate(bars.items()):
-        place = np.arange(len(columns)) + (number - (len(bars) - 1) / 2) * width
-        means = [value.mean for value in own]
-        error = [value.half_width for value in own]
+    for number, (method, values) in enumerate(bars.items()):
+        position = np.arange(len(columns)) + (number - (len(bars) - 1) / 2) * width
+        means = [value.mean for value in values]
+        error = [value.half_width for value in values]
         name = method_name(method)
-        panel.bar(place, means, 0.92 * width, yerr=error, capsize=3, color=method_colour(method), label=name)
+        panel.bar(position, means, 0.92 * width, yerr=error, capsize=3, color=method_colour(method), label=name)
     panel.set_xticks(np.arange(len(columns)), columns)
     panel.set(ylabel=label, ylim=(0, None))
     figure.legend(loc="outside upper center", ncols=len(bars), frameon=False)
@@ -93,28 +93,30 @@ def bar_figure(bars: Mapping[str, Sequence[MeanInterval]], columns: Sequence[str
 
 
 def load_press_curve(path: Path) -> Float64[np.ndarray, "neurons"]:
-    """Read a curve of leave-one-out errors.
+    """Read a PRESS curve.
 
     Args:
         path: the CSV file.
 
     Returns:
-        Mean squared leave-one-out error of each prefix of the ordered neurons; not finite where there is none.
+        Mean squared leave-one-out error of each prefix of the ordered neurons; not finite if it is undefined.
 
     Raises:
         InputError: the file is missing or damaged, or no error is finite.
     """
     error = read_numbers(path, ["mean_squared_error"])["mean_squared_error"]
     if not np.isfinite(error).any():
-        raise InputError(f"{path}: column `mean_squared_error` holds no finite number; restore the file, or remove it.")
+        raise InputError(
+            f"{path}: column `mean_squared_error` contains no finite number; restore the file, or remove it."
+        )
     return error
 
 
 def press_figure(curves: Sequence[Float64[np.ndarray, "_"]]) -> Figure:
-    """Leave-one-out error against the number of neurons, its minimum marked (the paper's Figure 9).
+    """Leave-one-out error against the number of neurons, with its minimum marked (the paper's Figure 9).
 
     Args:
-        curves: mean squared leave-one-out error of each prefix of the ordered neurons, one curve a seed.
+        curves: mean squared leave-one-out error of each prefix of the ordered neurons, one curve for each seed.
 
     Returns:
         The figure.
@@ -135,7 +137,7 @@ def press_figure(curves: Sequence[Float64[np.ndarray, "_"]]) -> Figure:
 
 
 def press_minimum(curve: Float64[np.ndarray, "neurons"]) -> int:
-    """Number of neurons with the least leave-one-out error.
+    """Number of neurons with the smallest leave-one-out error.
 
     Args:
         curve: the errors, at least one of them finite.
@@ -147,13 +149,13 @@ def press_minimum(curve: Float64[np.ndarray, "neurons"]) -> int:
 
 
 def press_columns(curves: Sequence[Float64[np.ndarray, "_"]]) -> dict[str, np.ndarray]:
-    """What `press_figure` shows, as a table.
+    """The data of `press_figure`, as a table.
 
     Args:
-        curves: one a seed.
+        curves: one curve for each seed.
 
     Returns:
-        Columns: seed, number of neurons, error, and whether it is the seed's least.
+        Columns: seed, number of neurons, error, and whether the error is the minimum of the seed.
     """
     count = [np.arange(1, len(curve) + 1) for curve in curves]
     return {

@@ -1,4 +1,4 @@
-"""The report as one self-contained page: the Markdown rendered, its pictures inside the file."""
+"""The report as a self-contained HTML page, rendered from Markdown with embedded images."""
 
 import base64
 import html
@@ -14,10 +14,10 @@ from PIL import Image
 from relm_irl_jax.report.figures import FIGURE_DPI
 
 SCREEN_DPI = 100
-"""Dots an inch at which figures are shown, so that their text is about as large as the page's."""
+"""Resolution in dots per inch at which figures are displayed, so that their text is about as large as the page's."""
 
 LONG_NAME = 30
-"""Letters from which the name of a table's row is broken into lines."""
+"""Length in characters above which names of table rows may wrap."""
 
 STYLE = """
 :root { color-scheme: light dark; }
@@ -44,12 +44,12 @@ def render_page(text: str, folder: Path) -> str:
     """Render a report written in Markdown.
 
     Args:
-        text: the Markdown; pictures are named relative to the folder. One that cannot be read is replaced by a line
-            that says so.
-        folder: where the pictures lie.
+        text: the Markdown; image paths are relative to the folder. An image that cannot be read is replaced by a
+            message.
+        folder: folder of the images.
 
     Returns:
-        A whole HTML page that needs no other file.
+        A complete HTML page that needs no other file.
     """
     markdown = MarkdownIt("commonmark", {"html": False}).enable("table")
     for name, rule in RULES.items():
@@ -64,7 +64,7 @@ def render_page(text: str, folder: Path) -> str:
 
 
 def _open_table(self: RendererHTML, tokens: Sequence[Token], index: int, *_: object) -> str:
-    """A table in a box that scrolls by itself; long names of its rows are broken into lines."""
+    """A table in a scrollable box; long names of rows may wrap."""
     end = next(i for i in range(index, len(tokens)) if tokens[i].type == "table_close")
     names = [tokens[i + 2].content for i in range(index, end) if [t.type for t in tokens[i : i + 2]] == FIRST_CELL]
     shape = "table described" if max(map(len, names), default=0) > LONG_NAME else "table"
@@ -78,7 +78,7 @@ def _close_table(self: RendererHTML, *_: object) -> str:
 def _open_paragraph(
     self: RendererHTML, tokens: Sequence[Token], index: int, options: OptionsDict, env: MutableMapping
 ) -> str:
-    """A paragraph; no tag around a picture, which has its own."""
+    """A paragraph; an image gets no paragraph tag, since it has a figure tag."""
     return "" if _is_picture(tokens[index + 1]) else self.renderToken(tokens, index, options, env)
 
 
@@ -89,7 +89,7 @@ def _close_paragraph(
 
 
 def _picture(self: RendererHTML, tokens: Sequence[Token], index: int, options: OptionsDict, env: MutableMapping) -> str:
-    """A PNG picture that lies in the page itself; a wide one scrolls within its own box on a narrow screen."""
+    """An embedded PNG image; a wide image is in a scrollable box on narrow screens."""
     token = tokens[index]
     path = env["folder"] / str(token.attrs["src"])
     try:
@@ -97,7 +97,7 @@ def _picture(self: RendererHTML, tokens: Sequence[Token], index: int, options: O
         with Image.open(path) as picture:
             width, height = picture.size
     except OSError:
-        return f"<p>{html.escape(str(token.attrs['src']))} cannot be read, and is not shown.</p>"
+        return f"<p>{html.escape(str(token.attrs['src']))} cannot be read and is not shown.</p>"
     shape = "wide" if width > 1.8 * height else "narrow"
     shown = round(width * SCREEN_DPI / FIGURE_DPI)
     data = base64.b64encode(content).decode()
@@ -108,7 +108,7 @@ def _picture(self: RendererHTML, tokens: Sequence[Token], index: int, options: O
 
 
 def _is_picture(token: Token) -> bool:
-    """Whether the content of a paragraph is a picture and nothing else."""
+    """Whether a paragraph consists of one image."""
     return [child.type for child in token.children or ()] == ["image"]
 
 
@@ -122,4 +122,4 @@ RULES = {
     "paragraph_close": _close_paragraph,
     "image": _picture,
 }
-"""Renderers of the tokens that the page shows in its own way."""
+"""Renderers that replace the default ones."""

@@ -13,10 +13,10 @@ LEVEL = 0.95
 
 @dataclass(frozen=True)
 class MeanInterval:
-    """A mean over seeds.
+    """A mean over seeds with its confidence interval.
 
     Attributes:
-        mean: the mean; NaN of no values.
+        mean: the mean; NaN without values.
         half_width: half of its 95% interval; NaN with fewer than two values.
     """
 
@@ -24,12 +24,12 @@ class MeanInterval:
     half_width: float
 
     def __format__(self, form: str) -> str:
-        """The mean, with the interval where there is one, both in a form such as `.1f`; `.2f` where none is given."""
+        """The mean and, if defined, the interval, both in a format such as `.1f`; the default is `.2f`."""
         numbers = (self.mean,) if np.isnan(self.half_width) else (self.mean, self.half_width)
         return " ± ".join(format(number, form or ".2f") for number in numbers)
 
     def __str__(self) -> str:
-        """The mean, with the interval where there is one."""
+        """The mean and, if defined, the interval."""
         return format(self)
 
 
@@ -39,10 +39,10 @@ def mean_intervals(
     """Mean and half of the 95% interval of each column: t(n − 1) · s / √n over its n known values.
 
     Args:
-        values: one row a seed; entries that are not finite are unknown and do not count.
+        values: one row for each seed; entries that are not finite are unknown and do not count.
 
     Returns:
-        Means, NaN where nothing is known; half widths, NaN where fewer than two values are.
+        Means, NaN for columns without known values; half widths, NaN for columns with fewer than two known values.
     """
     known = np.ma.masked_invalid(values)
     count = known.count(axis=0)
@@ -53,10 +53,10 @@ def mean_intervals(
 
 
 def mean_interval(values: Sequence[float]) -> MeanInterval:
-    """Mean and 95% interval of one value a seed.
+    """Mean and 95% interval over seeds.
 
     Args:
-        values: the values.
+        values: one value for each seed.
 
     Returns:
         The mean and its interval.
@@ -66,7 +66,7 @@ def mean_interval(values: Sequence[float]) -> MeanInterval:
 
 
 def paired_difference(first: Mapping[int, float], second: Mapping[int, float]) -> tuple[MeanInterval, int]:
-    """Mean difference over the seeds that both have.
+    """Mean difference over the seeds that both methods have.
 
     Args:
         first: values by seed.

@@ -1,7 +1,7 @@
-"""Learning curves over seeds: confidence bands, and the training frames until an agent succeeds.
+"""Learning curves over seeds: confidence bands, and the number of training frames until an agent succeeds.
 
-A row of a curve counts the episodes that ended in one chunk of updates. Early rows count mostly short episodes, since
-those that run into the cap end later.
+A row of a curve covers the episodes that ended in one chunk of updates. Early rows cover mostly short episodes, since
+episodes that reach the cap end later.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,7 +19,7 @@ from relm_irl_jax.report.intervals import mean_interval, mean_intervals
 from relm_irl_jax.report.names import method_name
 
 WINDOW = 5
-"""Chunks over which the running mean is taken."""
+"""Number of chunks of the running mean."""
 
 SUCCESS_LEVEL = 0.99
 """Success rate at which training counts as successful."""
@@ -30,14 +30,14 @@ METRICS = {"path_length_error": "PLE in actions", "success_rate": "SR", "spl": "
 
 @dataclass(frozen=True)
 class TrainingCurve:
-    """Metrics of the episodes that ended during one training, one row a chunk of updates.
+    """Metrics during one training, one row for each chunk of updates; NaN for chunks in which no episode ended.
 
     Attributes:
         frames: training frames at the end of each chunk.
-        episodes: number of episodes that ended in it.
-        success_rate: share of them that ended at the target; NaN where none ended, as below.
-        path_length_error: mean of actions taken minus actions of a shortest path.
-        spl: mean success weighted by path length.
+        episodes: number of episodes that ended in the chunk.
+        success_rate: share of these episodes that ended at the target.
+        path_length_error: mean path length minus shortest path of these episodes, in actions.
+        spl: mean success weighted by path length of these episodes.
     """
 
     frames: Float64[np.ndarray, "chunks"]
@@ -53,7 +53,7 @@ class ConfidenceBand:
 
     Attributes:
         frames: training frames at the end of each chunk.
-        mean: mean over seeds of the running mean; NaN where no episode ended.
+        mean: mean over seeds of the running mean; NaN if no episode ended.
         half_width: half of its 95% interval (Student's t); NaN with one seed.
     """
 
@@ -63,7 +63,7 @@ class ConfidenceBand:
 
 
 MethodCurves = Mapping[str, Mapping[int, TrainingCurve]]
-"""The curve of each method and seed; those of a method have the same frames."""
+"""The curve of each method and seed; all curves of a method have the same frames."""
 
 
 def load_curve(path: Path) -> TrainingCurve:
@@ -92,7 +92,7 @@ def running_mean(curve: TrainingCurve, metric: str) -> Float64[np.ndarray, "chun
         metric: one of `METRICS`.
 
     Returns:
-        The running mean; NaN where no episode ended.
+        The running mean; NaN if no episode ended.
     """
     values = getattr(curve, metric)
     known = np.isfinite(values)
@@ -107,11 +107,11 @@ def confidence_band(curves: Sequence[TrainingCurve], metric: str) -> ConfidenceB
     """Mean and interval of a metric over the curves of several seeds.
 
     Args:
-        curves: one a seed, all over the same frames.
+        curves: one curve for each seed, all with the same frames.
         metric: one of `METRICS`.
 
     Returns:
-        The band; seeds in which no episode ended near a chunk do not count there.
+        The band; seeds without a running mean at a chunk do not count there.
     """
     mean, half_width = mean_intervals(np.stack([running_mean(curve, metric) for curve in curves]))
     return ConfidenceBand(curves[0].frames, mean, half_width)
@@ -124,7 +124,7 @@ def frames_to_success(curve: TrainingCurve) -> float:
         curve: the curve.
 
     Returns:
-        Frames; NaN where it never does.
+        Frames; NaN if it is never reached.
     """
     reached = np.flatnonzero(running_mean(curve, "success_rate") >= SUCCESS_LEVEL)
     return float(curve.frames[reached[0]]) if len(reached) else float("nan")
@@ -137,12 +137,12 @@ def learning_figure(curves: MethodCurves) -> Figure:
         curves: the learning curves.
 
     Returns:
-        The figure: means over seeds, and bands of 95% intervals where there are several.
+        The figure: means over seeds, with bands of 95% intervals if there are several seeds.
     """
     figure = Figure(figsize=(10.5, 3.6), layout="constrained")
     for panel, (metric, label) in zip(figure.subplots(1, len(METRICS)), METRICS.items(), strict=True):
-        for method, own in curves.items():
-            band = confidence_band(list(own.values()), metric)
+        for method, by_seed in curves.items():
+            band = confidence_band(list(by_seed.values()), metric)
             millions = band.frames / 1e6
             panel.plot(millions, band.mean, color=method_colour(method), lw=1.3, label=method_name(method))
             low, high = band.mean - band.half_width, band.mean + band.half_width
@@ -154,7 +154,7 @@ def learning_figure(curves: MethodCurves) -> Figure:
 
 
 def band_columns(curves: MethodCurves) -> dict[str, list]:
-    """What `learning_figure` shows, methods beneath each other.
+    """The data of `learning_figure`, one method after the other.
 
     Args:
         curves: the learning curves.
@@ -163,8 +163,8 @@ def band_columns(curves: MethodCurves) -> dict[str, list]:
         Columns for `write_table`.
     """
     columns: dict[str, list] = {"method": [], "frames": []}
-    for method, own in curves.items():
-        bands = {metric: confidence_band(list(own.values()), metric) for metric in METRICS}
+    for method, by_seed in curves.items():
+        bands = {metric: confidence_band(list(by_seed.values()), metric) for metric in METRICS}
         frames = next(iter(bands.values())).frames
         columns["method"] += [method] * len(frames)
         columns["frames"] += frames.tolist()
@@ -181,14 +181,14 @@ def success_columns(curves: MethodCurves) -> dict[str, list]:
         curves: the learning curves.
 
     Returns:
-        Columns for `write_table`; NaN where the level was not reached.
+        Columns for `write_table`; NaN if the level was not reached.
     """
-    rows = [(m, seed, frames_to_success(curve)) for m, own in curves.items() for seed, curve in own.items()]
+    rows = [(m, seed, frames_to_success(curve)) for m, by_seed in curves.items() for seed, curve in by_seed.items()]
     return dict(zip(("method", "seed", "frames"), map(list, zip(*rows, strict=True)), strict=True))
 
 
 def success_table(curves: MethodCurves) -> str:
-    """Frames to success for the report. A mean is given only where every seed succeeds, so that none is picked.
+    """Frames to success as a table of the report. A mean is only given if all seeds succeed, to avoid selection.
 
     Args:
         curves: the learning curves.
@@ -200,9 +200,9 @@ def success_table(curves: MethodCurves) -> str:
         f"| Method | Thousands of frames until a success rate of {SUCCESS_LEVEL} | Seeds that reach it |",
         "|---|---:|---:|",
     ]
-    for method, own in curves.items():
-        thousands = np.asarray([frames_to_success(curve) for curve in own.values()]) / 1e3
+    for method, by_seed in curves.items():
+        thousands = np.asarray([frames_to_success(curve) for curve in by_seed.values()]) / 1e3
         reached = int(np.isfinite(thousands).sum())
-        shown = f"{mean_interval(thousands.tolist()):,.0f}" if reached == len(own) else "–"
-        lines.append(f"| {method_name(method)} | {shown} | {reached} of {len(own)} |")
+        shown = f"{mean_interval(thousands.tolist()):,.0f}" if reached == len(by_seed) else "–"
+        lines.append(f"| {method_name(method)} | {shown} | {reached} of {len(by_seed)} |")
     return "\n".join(lines)

@@ -14,10 +14,10 @@ from relm_irl_jax.saved_maps import SHORTEST_PATH, ScenePoses, StateMap
 from relm_irl_jax.scenes.scene import GRID_STEP, HEADINGS
 
 COLUMNS = 3
-"""Most maps beside each other."""
+"""Largest number of maps in a row."""
 
 PANEL_INCHES = 3.4
-"""Width of one map."""
+"""Width of one map in inches."""
 
 TARGET_COLOUR = "#d62728"
 
@@ -29,7 +29,7 @@ class ColourScale:
     Attributes:
         low: lower end.
         high: upper end.
-        label: what the colours mean, and its unit.
+        label: quantity and unit of the colours.
     """
 
     low: float
@@ -38,10 +38,10 @@ class ColourScale:
 
 
 def reward_figure(saved: StateMap) -> Figure:
-    """Maps of r(s) over a room, one a method.
+    """Maps of r(s) over a room, one for each method.
 
     Args:
-        saved: rewards; beyond the ends of `limits` the colours do not change.
+        saved: rewards; values outside `limits` have the colours of the ends.
 
     Returns:
         The figure.
@@ -53,7 +53,7 @@ def reward_figure(saved: StateMap) -> Figure:
 
 
 def distance_figure(saved: StateMap) -> Figure:
-    """Maps of the distance to a target over a room, the true one first.
+    """Maps of the distance to a target over a room, the true distance first.
 
     Args:
         saved: distances in actions.
@@ -68,14 +68,14 @@ def distance_figure(saved: StateMap) -> Figure:
 
 
 def reward_caption(saved: StateMap, targets: str) -> str:
-    """What a figure of rewards shows.
+    """Caption of a figure of rewards.
 
     Args:
         saved: the rewards.
         targets: `trained` or `new`.
 
     Returns:
-        A caption.
+        The caption.
     """
     target = target_name(saved.target, saved.category)
     kind = "a trained target" if targets == "trained" else "a target that was not trained"
@@ -83,37 +83,37 @@ def reward_caption(saved: StateMap, targets: str) -> str:
     start = "" if saved.start is None else f"; predicted for a start at state {saved.start} (ring)"
     return (
         f"Rewards of all states of {saved.poses.name} for {kind}, {target} (star; its arrow is the heading), by "
-        f"{methods}, seed {saved.seed}{start}. Each place is four triangles, one a heading"
+        f"{methods}, seed {saved.seed}{start}. Each place has four triangles, one for each heading"
     )
 
 
 def distance_caption(saved: StateMap, task: str) -> str:
-    """What a figure of distances shows.
+    """Caption of a figure of distances.
 
     Args:
         saved: the distances.
         task: the task whose target it is.
 
     Returns:
-        A caption.
+        The caption.
     """
     target = target_name(saved.target, saved.category)
     methods = listed([_title(name) for name in _panels(saved) if name != SHORTEST_PATH])
     return (
         f"Actions from every state of {saved.poses.name} to a target of Task {task}, {target} (star; its arrow is the "
-        f"heading): along shortest paths, and as learned by {methods}, seed {saved.seed}. Each place is four "
-        "triangles, one a heading"
+        f"heading): along shortest paths, and as learned by {methods}, seed {saved.seed}. Each place has four "
+        "triangles, one for each heading"
     )
 
 
 def map_columns(saved: StateMap) -> dict[str, np.ndarray]:
-    """What the maps show, as a table.
+    """The data of the maps, as a table.
 
     Args:
         saved: the map.
 
     Returns:
-        Columns for `write_table`: place in metres, heading in degrees, and the values of each method.
+        Columns for `write_table`: position in metres, heading in degrees, and the values of each method.
     """
     poses = saved.poses
     columns = {"x": poses.location[:, 0], "z": poses.location[:, 1], "rotation": poses.rotation}
@@ -121,7 +121,7 @@ def map_columns(saved: StateMap) -> dict[str, np.ndarray]:
 
 
 def _panels(saved: StateMap) -> list[str]:
-    """Names of the values in the order in which they are drawn: what is true, then the methods."""
+    """Names of the values in drawing order: true distances, then the methods."""
     truth = [name for name in saved.values if name == SHORTEST_PATH]
     return truth + in_order([name for name in saved.values if name != SHORTEST_PATH])
 
@@ -135,8 +135,8 @@ def _finite(saved: StateMap) -> dict[str, Float64[np.ndarray, "states"]]:
 
 
 def _known(values: Mapping[str, Float64[np.ndarray, "states"]]) -> list[float]:
-    """All values of all maps that are known."""
-    return np.concatenate([own[np.isfinite(own)] for own in values.values()]).tolist()
+    """All finite values of all maps."""
+    return np.concatenate([of_method[np.isfinite(of_method)] for of_method in values.values()]).tolist()
 
 
 def _figure(saved: StateMap, values: Mapping[str, Float64[np.ndarray, "states"]], scale: ColourScale) -> Figure:
@@ -148,8 +148,8 @@ def _figure(saved: StateMap, values: Mapping[str, Float64[np.ndarray, "states"]]
     figure = Figure(figsize=size, layout="constrained")
     panels = figure.subplots(rows, columns, squeeze=False)
     collections = []
-    for number, (panel, (name, own)) in enumerate(zip(panels.flat, values.items(), strict=False)):
-        collections.append(_triangles(panel, saved.poses, own))
+    for number, (panel, (name, of_method)) in enumerate(zip(panels.flat, values.items(), strict=False)):
+        collections.append(_triangles(panel, saved.poses, of_method))
         collections[-1].set_clim(scale.low, scale.high)
         _mark(panel, saved)
         panel.set(title=_title(name), aspect="equal")
@@ -167,7 +167,7 @@ def _figure(saved: StateMap, values: Mapping[str, Float64[np.ndarray, "states"]]
 
 
 def _mark(panel: Axes, saved: StateMap) -> None:
-    """Mark the target and its heading, and the start where there is one."""
+    """Mark the target and its heading, and the start if there is one."""
     place, heading = saved.poses.location[saved.target], np.deg2rad(saved.poses.rotation[saved.target])
     tip = place + 0.75 * np.array([np.sin(heading), np.cos(heading)])
     panel.plot(*place, "*", color=TARGET_COLOUR, markersize=13, markeredgecolor="white")
@@ -180,7 +180,7 @@ def _mark(panel: Axes, saved: StateMap) -> None:
 
 
 def _triangles(panel: Axes, poses: ScenePoses, values: Float64[np.ndarray, "states"]) -> PolyCollection:
-    """Draw one triangle a state: from the centre of its place to the edge that the heading faces."""
+    """Draw one triangle for each state: from the centre of its place to the edge in the direction of its heading."""
     half = GRID_STEP / 2
     corners = {
         HEADINGS[0]: [(-half, half), (half, half)],

@@ -1,4 +1,4 @@
-"""What the report calls methods, agents, metrics, tasks and room types."""
+"""Names of methods, agents, metrics, tasks and room types in the report."""
 
 from collections.abc import Collection, Sequence
 
@@ -6,34 +6,34 @@ METHOD_NAMES = {"random": "Random", "bc": "BC", "rl": "RL", "irl": "IRL", "elm-i
 """Methods in the order of the tables."""
 
 METRIC_NAMES = {"ple": "PLE ↓", "sr": "SR ↑", "spl": "SPL ↑"}
-"""Metrics in the order of the tables, and whether more or less of them is better."""
+"""Metrics in the order of the tables; the arrow shows whether larger or smaller is better."""
 
 AGENT_NAMES = {
     "siamese": "the paper's siamese actor-critic, many workers in lockstep, the synchronous limit of A3C",
     "metric": "an agent that learns distances between views, instead of the paper's siamese actor-critic",
 }
-"""Agents that the report describes; others by their name alone."""
+"""Descriptions of agents; for other agents, the report uses their name."""
 
 TASK_NAMES = {
     "I": "trained targets",
     "II": "new targets in the trained scenes",
     "III": "similar targets in unseen scenes",
 }
-"""What is asked of an agent in each task."""
+"""Descriptions of the tasks."""
 
 
 def in_order(methods: Collection[str]) -> list[str]:
-    """Methods in the order of the tables, those that the paper does not know last."""
+    """Methods in the order of the tables; other methods come last."""
     return [name for name in METHOD_NAMES if name in methods] + sorted(set(methods) - set(METHOD_NAMES))
 
 
 def method_name(method: str) -> str:
-    """A method's name; of methods that the paper does not know, as it is."""
+    """A method's name in the report; other methods keep their name."""
     return METHOD_NAMES.get(method, method)
 
 
 def listed(names: Sequence[str]) -> str:
-    """Names in a sentence: `a`, `a and b`, `a, b and c`."""
+    """Join names for a sentence: `a`, `a and b`, `a, b and c`."""
     return " and ".join(part for part in (", ".join(names[:-1]), *names[-1:]) if part)
 
 
@@ -48,5 +48,5 @@ def heading(column: str) -> str:
 
 
 def target_name(target: int, category: str) -> str:
-    """A target by its category, where it has one, and its state."""
+    """A target's state, with its category if it has one."""
     return f"{category} (state {target})" if category else f"state {target}"

@@ -1,4 +1,4 @@
-"""Numbers that the paper reports (Tables 1-3), measured in AI2-THOR: shown beside ours, never compared as equals."""
+"""Numbers of the paper's Tables 1-3, measured in AI2-THOR. They are not directly comparable with ours."""
 
 COLUMNS = ("bathroom", "bedroom", "living_room", "mean")
 """Columns of the paper's tables."""
@@ -49,4 +49,4 @@ PAPER: dict[str, dict[str, dict[str, tuple[float, float, float, float]]]] = {
         },
     },
 }
-"""Task, method and metric to the values in the order of `COLUMNS`, as printed."""
+"""Printed values by task, method and metric, in the order of `COLUMNS`."""

@@ -1,9 +1,12 @@
-"""The figures of a run, drawn from what its folder holds. Damaged data costs its own figure and no other."""
+"""The figures of a run, drawn from the files of its folder. A damaged file only affects the figures that need it."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TypeVar
+
+from matplotlib.figure import Figure
 
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.report.episodes import episode_caption, episode_columns, episode_figure
@@ -21,10 +24,10 @@ from relm_irl_jax.report.names import heading
 from relm_irl_jax.report.tables import columns_of, interval_of, methods_of, seeds_of
 from relm_irl_jax.results import Results, RewardQualityRow, Task, load_reward_quality
 from relm_irl_jax.run_folder import RunFolder
-from relm_irl_jax.saved_maps import load_episodes, load_map
+from relm_irl_jax.saved_maps import StateMap, load_episodes, load_map
 
 CURVELESS = ("random", "bc")
-"""Methods whose training meets no episodes."""
+"""Methods whose training has no episodes."""
 
 LEARNED = ("irl", "elm-irl", "relm-irl")
 """Methods whose reward is learned from demonstrations."""
@@ -32,17 +35,17 @@ LEARNED = ("irl", "elm-irl", "relm-irl")
 PREDICTED = ("elm-irl", "relm-irl")
 """Methods that the paper's Figure 11 compares."""
 
-Read = TypeVar("Read")
+Content = TypeVar("Content")
 
 
 @dataclass
 class RunData:
-    """What a run folder holds for the report, read where it can be.
+    """The data of a run folder for the report, as far as it can be read.
 
     Attributes:
         folder: the run folder.
         results: metrics by task.
-        faults: one sentence for each thing that could not be read.
+        faults: one sentence for each file that could not be read.
     """
 
     folder: RunFolder
@@ -62,18 +65,18 @@ class RunData:
 
     @property
     def learned_rewards(self) -> bool:
-        """Whether a method of the results learned its reward."""
+        """Whether the results contain a method with a learned reward."""
         return bool(set(LEARNED) & set(self.trained))
 
-    def read(self, load: Callable[[Path], Read], path: Path) -> Read | None:
-        """Read a file, or take note that it cannot be read.
+    def read(self, load: Callable[[Path], Content], path: Path) -> Content | None:
+        """Read a file; if that fails, add the error to `faults`.
 
         Args:
-            load: reads the file, and raises InputError.
+            load: reads the file, or raises InputError.
             path: the file.
 
         Returns:
-            What it holds, or None.
+            The contents, or None.
         """
         try:
             return load(path)
@@ -82,27 +85,27 @@ class RunData:
             return None
 
     def curves(self) -> dict[str, dict[int, TrainingCurve]]:
-        """The learning curves of every method and seed; those of a method have the same frames.
+        """The learning curves of every method and seed; all curves of a method have the same frames.
 
         Returns:
-            The curves; methods of which none can be read are left out.
+            The curves; methods without a readable curve are left out.
         """
-        found: dict[str, dict[int, TrainingCurve]] = {}
+        curves: dict[str, dict[int, TrainingCurve]] = {}
         for method, seeds in self.trained.items():
             for seed in () if method in CURVELESS else seeds:
                 path = self.folder.curve(method, seed)
                 curve = self.read(load_curve, path)
                 if curve is None:
                     continue
-                own = found.setdefault(method, {})
-                if own and next(iter(own.values())).frames.tolist() != curve.frames.tolist():
+                by_seed = curves.setdefault(method, {})
+                if by_seed and next(iter(by_seed.values())).frames.tolist() != curve.frames.tolist():
                     self.faults.append(f"{path}: its frames are not those of the method's other seeds; restore it.")
                 else:
-                    own[seed] = curve
-        return found
+                    by_seed[seed] = curve
+        return curves
 
     def reward_quality(self) -> dict[int, tuple[RewardQualityRow, ...]]:
-        """The quality of the learned rewards of each seed that learned some.
+        """The quality of the learned rewards of each seed, if the run has any.
 
         Returns:
             The rows by seed.
@@ -117,7 +120,7 @@ def learning_curve_figure(data: RunData, curves: Mapping[str, Mapping[int, Train
 
     Args:
         data: the run.
-        curves: the curves, of one method at least.
+        curves: the curves of at least one method.
 
     Returns:
         The figure.
@@ -133,13 +136,13 @@ def learning_curve_figure(data: RunData, curves: Mapping[str, Mapping[int, Train
 
 
 def press_curve_figure(data: RunData) -> list[DrawnFigure]:
-    """Draw the leave-one-out errors by which RELM-IRL's regressor kept its neurons.
+    """Draw the PRESS curves of RELM-IRL's regressors.
 
     Args:
         data: the run.
 
     Returns:
-        The figure; none where no seed has such errors.
+        The figure; an empty list if no seed has a curve.
     """
     paths = [data.folder.rewards(seed, "press.csv") for seed in data.seeds]
     curves = [curve for p in paths if p.exists() and (curve := data.read(load_press_curve, p)) is not None]
@@ -148,8 +151,8 @@ def press_curve_figure(data: RunData) -> list[DrawnFigure]:
     path = data.folder.figure("press")
     save_figure(press_figure(curves), path, press_columns(curves))
     caption = (
-        "Leave-one-out error (PRESS) of RELM-IRL's regressor on the demonstrated pairs against the neurons that it "
-        "keeps, one curve a seed, minima marked (as the paper's Figure 9)"
+        "Leave-one-out error (PRESS) of RELM-IRL's regressor on the demonstrated pairs against the number of neurons, "
+        "one curve for each seed, minima marked (as the paper's Figure 9)"
     )
     return [DrawnFigure(path, "Leave-one-out error against neurons", caption)]
 
@@ -161,7 +164,7 @@ def prediction_figure(data: RunData) -> list[DrawnFigure]:
         data: the run.
 
     Returns:
-        The figure; none where the task or a method was not evaluated.
+        The figure; an empty list if the task or a method was not evaluated.
     """
     rows = data.results["III"].rows if "III" in data.results else ()
     if not set(PREDICTED) <= {row.method for row in rows}:
@@ -170,8 +173,8 @@ def prediction_figure(data: RunData) -> list[DrawnFigure]:
     bars = {method: [interval_of(rows, method, "spl", column) for column in columns] for method in PREDICTED}
     table = [
         (method, column, value.mean, value.half_width)
-        for method, own in bars.items()
-        for column, value in zip(columns, own, strict=True)
+        for method, values in bars.items()
+        for column, value in zip(columns, values, strict=True)
     ]
     path = data.folder.figure("figure-11")
     names = ("method", "column", "spl", "half_width")
@@ -182,13 +185,13 @@ def prediction_figure(data: RunData) -> list[DrawnFigure]:
 
 
 def episode_figures(data: RunData) -> list[DrawnFigure]:
-    """Draw the episodes of every task that were saved.
+    """Draw the saved episodes of every task.
 
     Args:
         data: the run.
 
     Returns:
-        One figure a task.
+        One figure for each task.
     """
     drawn = []
     for task in data.results:
@@ -201,30 +204,30 @@ def episode_figures(data: RunData) -> list[DrawnFigure]:
 
 
 def map_figures(data: RunData) -> list[DrawnFigure]:
-    """Draw the maps of learned distances and of rewards that were saved.
+    """Draw the saved maps of learned distances and of rewards.
 
     Args:
         data: the run.
 
     Returns:
-        One figure a map.
+        One figure for each map.
     """
     drawn = []
+
+    def draw(file: Path, figure: Callable[[StateMap], Figure], title: str, caption: Callable[[StateMap], str]) -> None:
+        saved = data.read(load_map, file)
+        if saved is not None:
+            path = data.folder.figure(file.stem)
+            save_figure(figure(saved), path, map_columns(saved))
+            drawn.append(DrawnFigure(path, title.format(scene=saved.poses.name), caption(saved)))
+
     for task in data.results:
+        title = f"Distances to a target of Task {task} in {{scene}}"
         for file in data.folder.distance_maps(task):
-            saved = data.read(load_map, file)
-            if saved is not None:
-                path = data.folder.figure(file.stem)
-                save_figure(distance_figure(saved), path, map_columns(saved))
-                title = f"Distances to a target of Task {task} in {saved.poses.name}"
-                drawn.append(DrawnFigure(path, title, distance_caption(saved, task)))
+            draw(file, distance_figure, title, partial(distance_caption, task=task))
     if data.learned_rewards and not data.folder.reward_maps("*"):
-        data.faults.append(f"{data.folder.path}: holds no maps of rewards.")
+        data.faults.append(f"{data.folder.path}: contains no maps of rewards.")
     for targets in ("trained", "new"):
         for file in data.folder.reward_maps(targets):
-            saved = data.read(load_map, file)
-            if saved is not None:
-                path = data.folder.figure(file.stem)
-                save_figure(reward_figure(saved), path, map_columns(saved))
-                drawn.append(DrawnFigure(path, f"Rewards over {saved.poses.name}", reward_caption(saved, targets)))
+            draw(file, reward_figure, "Rewards over {scene}", partial(reward_caption, targets=targets))
     return drawn

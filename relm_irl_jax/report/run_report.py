@@ -1,4 +1,4 @@
-"""The report of a run, drawn from its folder alone: tables beside the paper's, figures, where and how it ran."""
+"""The report of a run, made from its folder only: tables with the paper's numbers, figures, hardware, configuration."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -32,11 +32,11 @@ from relm_irl_jax.results import load_all_results
 from relm_irl_jax.run_folder import RunFolder
 
 BUILT_IN = "rooms"
-"""What a configuration calls the built-in scenes."""
+"""Value of the setting `scenes` for the built-in rooms, repeated here so that the report imports no scene sources."""
 
 
 def write_report(folder: RunFolder) -> Path:
-    """Write `report.md`, the same as one page, `report.html`, tables and figures from what the run folder holds.
+    """Write `report.md`, `report.html`, tables and figures from the files of a run folder.
 
     Args:
         folder: the run folder.
@@ -45,9 +45,9 @@ def write_report(folder: RunFolder) -> Path:
         The Markdown file.
 
     Raises:
-        InputError: there is no run in the folder, or it holds no results.
+        InputError: the folder contains no run or no results.
     """
-    load_run_settings(folder)  # says where there is no run at all
+    load_run_settings(folder)  # raises if the folder contains no run
     tasks = list(load_all_results(folder))
     title = f"# Task {' and '.join(tasks)}" if len(tasks) < 3 else f"# {folder.path.name}: Tasks {', '.join(tasks)}"
     text = [title, "", *run_sections(folder, folder.path, "##"), *circumstances(folder, "##")]
@@ -55,11 +55,11 @@ def write_report(folder: RunFolder) -> Path:
 
 
 def write_page(text: Sequence[str], folder: Path) -> Path:
-    """Write a report as Markdown and as one page that needs no other file.
+    """Write a report as Markdown and as a self-contained HTML page.
 
     Args:
-        text: lines of Markdown; pictures are named relative to the folder.
-        folder: where `report.md` and `report.html` go.
+        text: lines of Markdown; image paths are relative to the folder.
+        folder: folder of `report.md` and `report.html`.
 
     Returns:
         The Markdown file.
@@ -71,23 +71,23 @@ def write_page(text: Sequence[str], folder: Path) -> Path:
 
 
 def run_sections(folder: RunFolder, base: Path, heading: str, *, worded: bool = True) -> list[str]:
-    """What a run measured: a table for each task evaluated, paired differences, quality of rewards, and the figures.
+    """The results of a run: a table for each evaluated task, paired differences, quality of rewards, and figures.
 
     Args:
-        folder: the run folder; tables and figures are written into it.
-        base: folder to which the names of pictures are relative.
-        heading: Markdown's mark of a heading of the sections.
-        worded: whether to say in words what the differences allow.
+        folder: the run folder; tables and figures are written to it.
+        base: folder to which image paths are relative.
+        heading: Markdown prefix of the section headings.
+        worded: whether to add sentences about the differences.
 
     Returns:
         Lines of Markdown.
 
     Raises:
-        InputError: there is no run in the folder, or it holds no results.
+        InputError: the folder contains no run or no results.
     """
     data = RunData(folder, load_all_results(folder))
     return [
-        *_setting(load_run_settings(folder), data),
+        *_summary(load_run_settings(folder), data),
         *_tasks(data, heading),
         *_differences(data, heading, worded=worded),
         *_reward_quality(data, heading),
@@ -96,17 +96,17 @@ def run_sections(folder: RunFolder, base: Path, heading: str, *, worded: bool = 
 
 
 def circumstances(folder: RunFolder, heading: str) -> list[str]:
-    """What differs from the paper's setting, the computer, the time, and the configuration as run.
+    """Differences from the paper's experiments, hardware, duration, and the configuration as run.
 
     Args:
         folder: the run folder.
-        heading: Markdown's mark of a heading of the sections.
+        heading: Markdown prefix of the section headings.
 
     Returns:
         Lines of Markdown.
 
     Raises:
-        InputError: there is no run in the folder, or it holds no results.
+        InputError: the folder contains no run or no results.
     """
     settings = load_run_settings(folder)
     cap = next(iter(load_all_results(folder).values())).cap
@@ -115,7 +115,7 @@ def circumstances(folder: RunFolder, heading: str) -> list[str]:
         f"{heading} Where this differs from the paper",
         "",
         f"{scenes} instead of AI2-THOR; an encoder with weights `{settings.weights}` instead of ImageNet's; "
-        f"{settings.frames:,} training frames a method and {cap} steps an episode, where the paper's text says 5000 "
+        f"{settings.frames:,} training frames per method and {cap} steps per episode, where the paper's text says 5000 "
         f"and its tables fit 100; {AGENT_NAMES.get(settings.agent, f'agent `{settings.agent}`')}.",
         "",
         *_hardware(folder, heading),
@@ -128,8 +128,8 @@ def circumstances(folder: RunFolder, heading: str) -> list[str]:
     ]
 
 
-def _setting(settings: RunSettings, data: RunData) -> list[str]:
-    """One paragraph: what was trained and how it was evaluated."""
+def _summary(settings: RunSettings, data: RunData) -> list[str]:
+    """One paragraph about training and evaluation."""
     first = next(iter(data.results.values()))
     rows = [row for results in data.results.values() for row in results.rows]
     episodes = " or ".join(map(str, sorted({row.episodes for row in rows})))
@@ -139,15 +139,15 @@ def _setting(settings: RunSettings, data: RunData) -> list[str]:
     uniform = "" if settings.new_targets == "paper" else ", Task II's targets drawn uniformly"
     return [
         f"Scenes `{settings.scenes}`, encoder {first.encoder}, {agent}, cap {first.cap} steps, {episodes} episodes for "
-        f"each scene, {settings.frames:,} training frames a method, {seeds}, actions {actions}{uniform}.",
+        f"each scene, {settings.frames:,} training frames per method, {seeds}, actions {actions}{uniform}.",
         "",
     ]
 
 
 def _tasks(data: RunData, heading: str) -> list[str]:
-    """A section a task."""
+    """A section for each task."""
     interval = ", ± half of its 95% interval over seeds (Student's t)" if len(data.seeds) > 1 else ""
-    bold = " Bold: best by intervals that lie apart." if len(data.seeds) > 1 else ""
+    bold = " Bold: the best method, if its interval does not overlap any other." if len(data.seeds) > 1 else ""
     text = []
     for number, (task, results) in enumerate(data.results.items()):
         write_table(data.folder.table(f"task-{task}"), table_columns(results))
@@ -157,35 +157,35 @@ def _tasks(data: RunData, heading: str) -> list[str]:
         if number == 0:
             text += [
                 f"Each value is the mean over the scenes of a room type{interval}; the last column is the mean over "
-                f"room types.{bold} In brackets: the paper's own number for another environment (AI2-THOR, an encoder "
-                "trained on ImageNet), not a like-for-like comparison.",
+                f"room types.{bold} In brackets: the paper's number, measured in another environment (AI2-THOR, an "
+                "encoder trained on ImageNet) and therefore not directly comparable.",
                 "",
             ]
     return text
 
 
 def _differences(data: RunData, heading: str, *, worded: bool) -> list[str]:
-    """What paired seeds say about differences between methods; one sentence where there is one seed."""
-    found = differences(data.results)
-    if not found:
+    """Paired differences between methods; one sentence if there is only one seed."""
+    paired = differences(data.results)
+    if not paired:
         compared = OURS in data.trained and bool(set(BASELINES) & set(data.trained))
-        return [*statement(found), ""] if compared and worded else []
-    write_table(data.folder.table("differences"), difference_columns(found))
+        return [*statement(paired), ""] if compared and worded else []
+    write_table(data.folder.table("differences"), difference_columns(paired))
     return [
         f"{heading} Differences on the same seeds",
         "",
-        *(f"- {sentence}" for sentence in statement(found) if worded),
+        *(f"- {sentence}" for sentence in statement(paired) if worded),
         "",
-        difference_table(found),
+        difference_table(paired),
         "",
-        f"Means over {found[0].seeds} paired seeds and room types, ± half of the 95% interval (Student's t), each on "
-        "its own; bold where it excludes zero.",
+        f"Means over {paired[0].seeds} paired seeds and room types, ± half of the 95% interval (Student's t, without "
+        "correction for multiple comparisons); bold if the interval excludes zero.",
         "",
     ]
 
 
 def _reward_quality(data: RunData, heading: str) -> list[str]:
-    """How good the learned rewards are, apart from any agent."""
+    """Quality of the learned rewards, independent of agents."""
     quality = data.reward_quality()
     if not quality:
         return []
@@ -194,16 +194,15 @@ def _reward_quality(data: RunData, heading: str) -> list[str]:
         "",
         quality_table(quality),
         "",
-        "Rank: where the reward places its target among the states of the scene, in the median over targets and "
-        "starts; 1 is best. Order: mean Spearman correlation between reward and closeness to the target. IRL's reward "
-        "is solved from demonstrations of its target; ELM-IRL's and RELM-IRL's are predicted from the views of start "
-        "and target.",
+        "Rank: rank of the target by reward among the states of its scene, median over targets and starts; 1 is best. "
+        "Order: mean Spearman correlation between reward and closeness to the target. IRL's reward is learned from "
+        "demonstrations of the target; ELM-IRL's and RELM-IRL's are predicted from the views of start and target.",
         "",
     ]
 
 
 def _figures(data: RunData, base: Path, heading: str) -> list[str]:
-    """The figures with their captions, and what could not be drawn."""
+    """The figures with captions, and a list of files that could not be read."""
     text = [f"{heading} Figures", ""]
     curves = data.curves()
     if curves:
@@ -213,7 +212,7 @@ def _figures(data: RunData, base: Path, heading: str) -> list[str]:
     for figure in figures:
         text += _shown(figure, base)
     if data.faults:
-        text += ["Not shown, since its data cannot be read:", "", *(f"- {fault}" for fault in data.faults), ""]
+        text += ["Not shown, since the data cannot be read:", "", *(f"- {fault}" for fault in data.faults), ""]
     return text
 
 
@@ -222,7 +221,7 @@ def _shown(figure: DrawnFigure, base: Path) -> list[str]:
 
 
 def _hardware(folder: RunFolder, heading: str) -> list[str]:
-    """The computer and the time; one line where they cannot be read."""
+    """The computer and the duration of stages; one line if they cannot be read."""
     try:
         times = load_stage_times(folder.hardware)
     except InputError as error:
@@ -235,7 +234,7 @@ def _hardware(folder: RunFolder, heading: str) -> list[str]:
         f"{hardware.processor}, {hardware.cores} cores, {', '.join(hardware.devices)}; {hardware.system}, Python "
         f"{hardware.python}, {packages}.",
         "",
-        "| Stage, all calls and seeds together | Seconds |",
+        "| Stage (total over calls and seeds) | Seconds |",
         "|---|---:|",
         *(f"| {stage} | {seconds:.1f} |" for stage, seconds in times.seconds.items()),
         "",

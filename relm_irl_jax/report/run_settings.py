@@ -1,6 +1,6 @@
-"""The settings of a run that its report states, read from `config.json` without the rest of the configuration.
+"""The settings of a run that its report mentions, read from `config.json` without the rest of the configuration.
 
-A report can so be drawn again after fields of the configuration were renamed, and without what they configure.
+The report can therefore be made again after other fields of the configuration were renamed or removed.
 """
 
 from typing import Annotated
@@ -23,7 +23,7 @@ class RunSettings:
         weights: weights of the encoder.
         new_targets: how Task II's targets were drawn, `paper` or `uniform`.
         policy: whether actions were drawn (`sample`) or the most probable ones (`greedy`).
-        hindsight: which views an agent set itself as goals; empty where the configuration does not say.
+        hindsight: which states could be goals; empty if the configuration does not say.
     """
 
     scenes: str
@@ -42,7 +42,7 @@ _ADAPTER = TypeAdapter(RunSettings)
 
 
 def load_run_settings(folder: RunFolder) -> RunSettings:
-    """Read the settings that the report states.
+    """Read the settings that the report mentions.
 
     Args:
         folder: the run folder.

@@ -14,14 +14,14 @@ from relm_irl_jax.scenes.scene import ROOM_TYPES
 METRICS = tuple(METRIC_NAMES)
 
 MEAN = "mean"
-"""The column that holds the mean over room types."""
+"""Name of the column with the mean over room types."""
 
 TARGET_GROUPS = {"trained": "trained", "new": "of Task II", "uniform": "of Task II, drawn uniformly"}
-"""Groups of targets for which rewards are judged."""
+"""Names of the groups of targets in the table of reward quality."""
 
 
 def columns_of(rows: Sequence[ResultRow]) -> tuple[str, ...]:
-    """Columns of a task's table: the room types of the rows, the paper's first, then their mean.
+    """Columns of a task's table: the room types of the rows, with the paper's first, and the mean.
 
     Args:
         rows: the rows.
@@ -58,7 +58,7 @@ def seeds_of(rows: Sequence[ResultRow]) -> list[int]:
 
 
 def by_seed(rows: Sequence[ResultRow], method: str, metric: str, column: str) -> dict[int, float]:
-    """One value a seed: the mean over the scenes of a room type, or the mean of these over room types.
+    """One value for each seed: the mean over the scenes of a room type, or the mean of these means over room types.
 
     Args:
         rows: the rows.
@@ -67,14 +67,15 @@ def by_seed(rows: Sequence[ResultRow], method: str, metric: str, column: str) ->
         column: a room type, or `mean`.
 
     Returns:
-        Values by seed; a seed that lacks one of the room types has none.
+        Values by seed, without seeds for which a room type is missing.
     """
-    own = [row for row in rows if row.method == method]
+    of_method = [row for row in rows if row.method == method]
     room_types = [name for name in columns_of(rows)[:-1] if column in (name, MEAN)]
     values = {}
-    for seed in seeds_of(own):
+    for seed in seeds_of(of_method):
         scenes = [
-            [getattr(row, metric) for row in own if (row.seed, row.room_type) == (seed, name)] for name in room_types
+            [getattr(row, metric) for row in of_method if (row.seed, row.room_type) == (seed, name)]
+            for name in room_types
         ]
         if all(scenes):
             values[seed] = float(np.mean([np.mean(of_type) for of_type in scenes]))
@@ -91,13 +92,13 @@ def interval_of(rows: Sequence[ResultRow], method: str, metric: str, column: str
         column: a room type, or `mean`.
 
     Returns:
-        The mean and its interval; NaN where there are no rows.
+        The mean and its interval; NaN if there are no rows.
     """
     return mean_interval(list(by_seed(rows, method, metric, column).values()))
 
 
 def separate_best(rows: Sequence[ResultRow], metric: str, column: str) -> str | None:
-    """The best method, where its interval lies apart from every other one's.
+    """The best method, if its interval does not overlap the interval of any other method.
 
     Args:
         rows: the rows.
@@ -105,18 +106,18 @@ def separate_best(rows: Sequence[ResultRow], metric: str, column: str) -> str | 
         column: a room type, or `mean`.
 
     Returns:
-        The method; None where intervals overlap, or there are none.
+        The method; None if intervals overlap or are undefined.
     """
     sign = -1.0 if metric == "ple" else 1.0
     intervals = {method: interval_of(rows, method, metric, column) for method in methods_of(rows)}
     best = max(intervals, key=lambda method: sign * intervals[method].mean)
-    least = sign * intervals[best].mean - intervals[best].half_width
+    lower_end = sign * intervals[best].mean - intervals[best].half_width
     others = [sign * value.mean + value.half_width for method, value in intervals.items() if method != best]
-    return best if others and all(least > other for other in others) else None
+    return best if others and all(lower_end > other for other in others) else None
 
 
 def paper_value(task: str, method: str, metric: str, column: str) -> float:
-    """The number that the paper prints.
+    """The paper's number.
 
     Args:
         task: the task.
@@ -125,7 +126,7 @@ def paper_value(task: str, method: str, metric: str, column: str) -> float:
         column: a room type, or `mean`.
 
     Returns:
-        The number; NaN where the paper has none.
+        The number; NaN if the paper has none.
     """
     printed = PAPER[task].get(method)
     return np.nan if printed is None or column not in COLUMNS else printed[metric][COLUMNS.index(column)]
@@ -156,7 +157,7 @@ def console_table(results: Results) -> Table:
 
 
 def markdown_table(results: Results) -> str:
-    """The metrics of a task for the report, the paper's numbers beside ours in brackets.
+    """The metrics of a task for the report, with the paper's numbers in brackets.
 
     Args:
         results: the metrics.
@@ -187,8 +188,8 @@ def table_columns(results: Results) -> dict[str, list]:
         results: the metrics.
 
     Returns:
-        Columns for `write_table`: the mean, half of the 95% interval, the number of seeds, whether the value is best by
-        intervals that lie apart, and the paper's number.
+        Columns for `write_table`: the mean, half of the 95% interval, the number of seeds, whether the method is
+        `separate_best`, and the paper's number.
     """
     rows, columns = results.rows, columns_of(results.rows)
     best = {(metric, column): separate_best(rows, metric, column) for metric in METRICS for column in columns}
@@ -204,7 +205,7 @@ def table_columns(results: Results) -> dict[str, list]:
 
 
 def quality_table(quality: Mapping[int, Sequence[RewardQualityRow]]) -> str:
-    """How good the learned rewards are, apart from any agent, for the report.
+    """The quality of the learned rewards for the report.
 
     Args:
         quality: the rows of each seed.
@@ -212,11 +213,12 @@ def quality_table(quality: Mapping[int, Sequence[RewardQualityRow]]) -> str:
     Returns:
         A Markdown table: means over seeds and their intervals.
     """
-    rows = [row for own in quality.values() for row in own]
+    rows = [row for of_seed in quality.values() for row in of_seed]
     lines = ["| Reward | Targets | Rank of the target | Order of states |", "|---|---|---:|---:|"]
     for targets, name in TARGET_GROUPS.items():
         for method in in_order({row.method for row in rows if row.targets == targets}):
-            own = [row for row in rows if (row.method, row.targets) == (method, targets)]
-            rank, order = (mean_interval([getattr(row, name) for row in own]) for name in ("median_rank", "mean_order"))
+            of_method = [row for row in rows if (row.method, row.targets) == (method, targets)]
+            rank = mean_interval([row.median_rank for row in of_method])
+            order = mean_interval([row.mean_order for row in of_method])
             lines.append(f"| {method_name(method)} | {name} | {rank:.1f} | {order} |")
     return "\n".join(lines)

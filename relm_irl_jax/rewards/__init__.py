@@ -1,1 +1,1 @@
-"""Rewards of the methods: the reward equation, the functions that pay transitions, and how rewards are learned."""
+"""Rewards of the methods: the reward equation, reward functions, and how rewards are learned and predicted."""

@@ -3,8 +3,8 @@
     φ(s) = C (x(s) − x̄)
 
 with x(s) the encoder's features of the view of s, x̄ their mean over the training scenes and C the loadings of the
-first principal components. One factor scales all of them, so that ‖φ(s)‖² has mean d over the training scenes: the
-regulariser of the inverse problem then does not depend on the units of x.
+first principal components. A common factor scales φ so that ‖φ(s)‖² has mean d over the training scenes; the effect of
+the inverse problem's regulariser then does not depend on the units of x.
 """
 
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ class RewardBasis:
 
     Attributes:
         mean: x̄.
-        components: C, transposed, the scale included.
+        components: C, transposed, including the common factor.
     """
 
     mean: Float64[np.ndarray, "feature"]
@@ -47,21 +47,23 @@ def fit_basis(scenes: Sequence[Scene], dimension: int) -> RewardBasis:
 
     Args:
         scenes: encoded training scenes.
-        dimension: number of principal components; 0 for all that the views span.
+        dimension: number of principal components; 0 for as many as the rank of the features.
 
     Returns:
         The basis.
 
     Raises:
-        InputError: more components are asked for than the views span.
+        InputError: `dimension` exceeds the rank of the features.
     """
     features = np.concatenate([np.asarray(scene.encoded, np.float64) for scene in scenes])
     pca = PCA(svd_solver="covariance_eigh").fit(features)  # pyrefly: ignore  its types lack this solver
     variance = pca.explained_variance_
-    spanned = int((variance > variance[0] * 1e-12).sum())
-    if dimension > spanned:
-        raise InputError(f"irl.dimension: {dimension} asked for, the training views span {spanned}; ask for fewer.")
-    kept = dimension or spanned
-    # The mean of ‖φ‖² over all views divides by their number, PCA's variance by one less.
-    scale = np.sqrt(kept / (variance[:kept].sum() * (len(features) - 1) / len(features)))
-    return RewardBasis(pca.mean_, pca.components_[:kept].T * scale)
+    rank = int((variance > variance[0] * 1e-12).sum())
+    if dimension > rank:
+        raise InputError(
+            f"irl.dimension: {dimension} exceeds {rank}, the rank of the training views' features; lower it."
+        )
+    n_components = dimension or rank
+    # The mean of ‖φ‖² divides by the number of views, PCA's variance by one less.
+    scale = np.sqrt(n_components / (variance[:n_components].sum() * (len(features) - 1) / len(features)))
+    return RewardBasis(pca.mean_, pca.components_[:n_components].T * scale)

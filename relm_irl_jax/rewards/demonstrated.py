@@ -1,9 +1,8 @@
 """Inverse reinforcement learning from demonstrations: one problem for each target, or for each trajectory.
 
-A demonstrated reward pairs the weights w that IRL found for a target with the starts from which demonstrations lead to
-it; the extreme learning machine is fitted to exactly these (start, target) → w pairs. Every part of a shortest path is
-a shortest path, so the states along the demonstrations serve as further targets at no cost; targets kept for
-evaluation never do.
+A demonstrated reward consists of the weights w that IRL learned for a target, and of the starts of the demonstrations.
+The extreme learning machine is fitted to these (start, target) → w pairs. Every part of a shortest path is a shortest
+path, so the states along the demonstrations can serve as further targets. Evaluation targets never do.
 """
 
 from collections.abc import Sequence
@@ -25,9 +24,9 @@ class DemonstratedReward:
     """Weights learned for one target.
 
     Attributes:
-        target: the target; its scene numbers the training scenes.
+        target: the target, in a training scene.
         starts: states from which demonstrations lead to the target.
-        solution: the solved program, with weights w.
+        solution: the solved problem, with weights w.
         trained: whether the target is a training target; otherwise it is the end of a sub-trajectory.
     """
 
@@ -38,8 +37,8 @@ class DemonstratedReward:
 
 
 @dataclass(frozen=True)
-class _Question:
-    """One problem to solve: a target and the states from which demonstrations lead to it."""
+class _TargetStarts:
+    """Data of one problem: a target and the states from which demonstrations lead to it."""
 
     target: Target
     starts: Int32[np.ndarray, "starts"]
@@ -52,26 +51,26 @@ def demonstrate(scene: Scene, target: Target, count: int, generator: np.random.G
     Args:
         scene: the target's scene.
         target: the target.
-        count: number of trajectories; fewer where fewer states can reach the target.
+        count: number of trajectories; fewer if fewer states can reach the target.
         generator: source of randomness.
 
     Returns:
         The trajectories.
     """
-    able = np.flatnonzero(scene.shortest_path_distance[:, target.state] > 0)
-    starts = generator.choice(able, min(count, len(able)), replace=False)
+    possible = np.flatnonzero(scene.shortest_path_distance[:, target.state] > 0)
+    starts = generator.choice(possible, min(count, len(possible)), replace=False)
     return shortest_path_trajectories(scene, target.state, starts.tolist())
 
 
 def demonstrate_targets(
     scenes: Sequence[Scene], split: TaskSplit, settings: IrlSettings, seed: int
 ) -> list[tuple[Trajectory, ...]]:
-    """All demonstrations of one seed, the same for every method that learns from them.
+    """All demonstrations of one seed; they are the same for every method that learns from them.
 
     Args:
         scenes: training scenes.
-        split: the targets; only those of training are demonstrated.
-        settings: how many demonstrations.
+        split: the targets; only training targets are demonstrated.
+        settings: number of demonstrations.
         seed: the run's seed.
 
     Returns:
@@ -92,63 +91,67 @@ def learn_demonstrated_rewards(
 
     Args:
         scenes: training scenes.
-        split: the targets; those for evaluation are never demonstrated, nor used as ends of sub-trajectories.
+        split: the targets; evaluation targets are neither demonstrated nor used as ends of sub-trajectories.
         phi: reward features of each scene.
-        settings: how many demonstrations, and the program.
+        settings: number of demonstrations, and the IRL method.
         seed: the run's seed.
 
     Returns:
-        The demonstrated rewards, those of training targets first; problems without a decision to learn from are left
-        out.
+        The demonstrated rewards, those of training targets first; sub-trajectories whose problem has no solution are
+        left out.
 
     Raises:
-        InputError: a training target's problem has no solution; the message names it and the status.
+        InputError: the problem of a training target has no solution.
     """
-    questions = _questions(scenes, split, demonstrate_targets(scenes, split, settings, seed), settings)
+    to_solve = _problems_to_solve(scenes, split, demonstrate_targets(scenes, split, settings, seed), settings)
     next_states = [successors(scene.graph) for scene in scenes]
     problems = [
         MaxMarginProblem(
-            phi[question.target.scene],
-            next_states[question.target.scene],
-            shortest_path_expert(scenes[question.target.scene], question.target.state),
-            question.starts,
-            name=f"{scenes[question.target.scene].name}: target {question.target.state}",
+            phi[item.target.scene],
+            next_states[item.target.scene],
+            shortest_path_expert(scenes[item.target.scene], item.target.state),
+            item.starts,
+            name=f"{scenes[item.target.scene].name}: target {item.target.state}",
         )
-        for question in questions
+        for item in to_solve
     ]
     solutions = learn_weights(problems, settings, settings.processes or None)
-    for question, solution in zip(questions, solutions, strict=True):
-        if question.trained and not solution.solved:
+    for item, solution in zip(to_solve, solutions, strict=True):
+        if item.trained and not solution.solved:
             raise InputError(
                 f"{solution.name}: {settings.method} ended as `{solution.status}` ({solution.message}); "
                 "change its settings under irl."
             )
     return tuple(
-        DemonstratedReward(question.target, question.starts, solution, question.trained)
-        for question, solution in zip(questions, solutions, strict=True)
+        DemonstratedReward(item.target, item.starts, solution, item.trained)
+        for item, solution in zip(to_solve, solutions, strict=True)
         if solution.solved
     )
 
 
-def _questions(
+def _problems_to_solve(
     scenes: Sequence[Scene],
     split: TaskSplit,
     trajectories: Sequence[tuple[Trajectory, ...]],
     settings: IrlSettings,
-) -> list[_Question]:
+) -> list[_TargetStarts]:
     """The problems to solve, those of training targets first."""
-    questions = []
-    for target, own in zip(split.training, trajectories, strict=True):
-        leading = [trajectory.states[:-1] for trajectory in own]
-        pools = [np.unique(np.concatenate(leading))] if settings.pooling == "target" else leading
-        questions += [_Question(target, pool, True) for pool in pools]
+    to_solve = []
+    for target, to_target in zip(split.training, trajectories, strict=True):
+        starts = [trajectory.states[:-1] for trajectory in to_target]
+        pools = [np.unique(np.concatenate(starts))] if settings.pooling == "target" else starts
+        to_solve += [_TargetStarts(target, pool, True) for pool in pools]
     for number in range(len(scenes)) if settings.sub_trajectories else ():
-        inside = [
-            t for target, own in zip(split.training, trajectories, strict=True) if target.scene == number for t in own
+        in_scene = [
+            trajectory
+            for target, to_target in zip(split.training, trajectories, strict=True)
+            if target.scene == number
+            for trajectory in to_target
         ]
         trained = {target.state for target in split.training if target.scene == number}
-        forbidden = split.evaluation_only(number) | trained
-        questions += [
-            _Question(Target(number, end), starts, False) for end, starts in sub_trajectories(inside, forbidden).items()
+        excluded = split.evaluation_only(number) | trained
+        to_solve += [
+            _TargetStarts(Target(number, end), starts, False)
+            for end, starts in sub_trajectories(in_scene, excluded).items()
         ]
-    return questions
+    return to_solve

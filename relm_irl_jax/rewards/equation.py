@@ -1,11 +1,11 @@
-"""The linear reward of the paper (Equation 1), relative to the target; every part of the project computes it here.
+"""The linear reward of the paper (Equation 1), relative to the target; all parts of the package compute it here.
 
     cost form:  r(s, g) = clip( w·(φ(s) − φ(g)), −r_max, −c_min )   for s ≠ g,     r(g, g) = 0
     free form:  r(s, g) = clip( w·φ(s), −r_max, r_max )
 
 An episode ends at the target with a return of 0 (Algorithm 1, line 12). In the cost form this is consistent with the
-reward, since r(g, g) = 0 and every other state costs something. In the free form, the paper's |r| ≤ r_max, a reward
-may be positive away from the target, where staying then pays.
+reward, since r(g, g) = 0 and all other rewards are negative. In the free form, the paper's |r| ≤ r_max, rewards away
+from the target may be positive, and staying there may then be optimal.
 """
 
 from dataclasses import dataclass, field
@@ -18,7 +18,7 @@ from jaxtyping import Array, Float
 Scalar = float | Float[Array, ""]
 
 AnyArray = TypeVar("AnyArray", np.ndarray, Array)
-"""NumPy arrays in, NumPy arrays out; likewise for JAX."""
+"""NumPy or JAX arrays; the result has the type of the arguments."""
 
 
 @jax.tree_util.register_dataclass
@@ -27,8 +27,8 @@ class LinearRewardForm:
     """Bounds of the linear reward.
 
     Attributes:
-        r_max: largest cost of a step; in the free form, the largest size of the reward.
-        minimum_cost: c_min, smallest cost of a step that does not reach the target, in the units of `r_max`.
+        r_max: largest cost of a step; in the free form, the bound of |r|.
+        minimum_cost: c_min, smallest cost of a step that does not reach the target, in the same units as `r_max`.
         relative: whether φ(g) is subtracted (cost form). Static.
     """
 
@@ -38,10 +38,10 @@ class LinearRewardForm:
 
 
 def unclipped_reward(weights: AnyArray, phi: AnyArray, target_phi: AnyArray, form: LinearRewardForm) -> AnyArray:
-    """The linear reward before it is clipped, which ranks states even where the bounds make rewards equal.
+    """The linear reward before clipping, which orders states even if their clipped rewards are equal.
 
     Args:
-        weights: w, [d] for all states alike or [states d].
+        weights: w, [d] for all states or [states d].
         phi: φ of the states, [d] or [states d].
         target_phi: φ of the target, [d].
         form: the form.
@@ -56,10 +56,10 @@ def unclipped_reward(weights: AnyArray, phi: AnyArray, target_phi: AnyArray, for
 def linear_reward(
     weights: AnyArray, phi: AnyArray, target_phi: AnyArray, at_target: AnyArray, form: LinearRewardForm
 ) -> AnyArray:
-    """The reward for arriving in states, as agents are paid it.
+    """The reward that an agent receives for arriving in a state.
 
     Args:
-        weights: w, [d] for all states alike or [states d].
+        weights: w, [d] for all states or [states d].
         phi: φ of the states, [d] or [states d].
         target_phi: φ of the target, [d].
         at_target: whether each state is the target, [] or [states].

@@ -1,7 +1,7 @@
-"""Reward functions as data: what a transition pays, for every method.
+"""Reward functions: the reward of a transition, for every method.
 
-A reward function is a small tree of arrays with a `__call__` on one `Transition`; the rollout vmaps it. The reward of
-the absorbing target is paid for entering it and nothing after, so that a return of 0 at termination is right.
+A reward function is a pytree of arrays with a `__call__` on one `Transition`; the rollout vmaps it. The transition into
+the target receives the target's reward and ends the episode, so the return after termination is 0.
 """
 
 from dataclasses import dataclass, field
@@ -19,7 +19,7 @@ from relm_irl_jax.world import Targets, World
 
 @runtime_checkable
 class RewardFunction(Protocol):
-    """What the rollout needs of a reward; a tree of arrays."""
+    """The interface of reward functions; a pytree of arrays."""
 
     def __call__(self, transition: Transition, world: World, targets: Targets) -> Float32[Array, ""]:
         """Return the reward of one transition."""
@@ -50,13 +50,13 @@ class ManualReward:
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class LinearReward:
-    """A reward that is linear in reward features, see `relm_irl_jax.rewards.equation`.
+    """A reward that is linear in reward features; see `relm_irl_jax.rewards.equation`.
 
-    The weights are those of the episode's (start, target) pair or, where they are predicted from the current view,
+    The weights are those of the episode's (start, target) pair. If they are predicted from the current view, they are
     those of the (current state, target) pair: "adjusted in real time according to the current state" (section 4.2).
 
     Attributes:
-        weights: every weight vector in use.
+        weights: all weight vectors.
         row: row of `weights` for each target and local state of its scene.
         phi: reward features of each state of the world.
         form: bounds and form.
@@ -81,7 +81,7 @@ def manual_reward(settings: ManualSettings) -> ManualReward:
     """The reward of the RL baseline.
 
     Args:
-        settings: its three values.
+        settings: the three values of the reward.
 
     Returns:
         The reward function.

@@ -1,9 +1,8 @@
-"""Goals: states that serve as targets after the fact, and what each state costs with each goal.
+"""Goals: states that hindsight relabelling (Andrychowicz et al., 2017) uses as targets, and their costs.
 
-The wall between training and evaluation for hindsight relabelling (Andrychowicz et al., 2017) stands here: `strict`
-leaves out every target that is kept for evaluation. Each method's reward covers other goals. RL recognises any view
-that was visited, and every step costs the same. IRL has weights for the targets of its demonstrations and the states
-along them. ELM-IRL and RELM-IRL predict weights for any pair of views.
+This module separates training from evaluation: with `strict`, no evaluation target is a goal. The goals also depend on
+the method's reward. RL can use any visited view as a goal, at a constant cost of each step. IRL has weights for the
+targets of its demonstrations and the states along them. ELM-IRL and RELM-IRL predict weights for any pair of views.
 """
 
 from collections.abc import Callable, Sequence
@@ -24,7 +23,7 @@ from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.tasks import Target, TaskSplit
 
 IMAGINED_STARTS = 8
-"""Starts from which the weights of an imagined target are predicted; the mean weights give the costs."""
+"""Random starts for which the weights of a goal are predicted; the costs use the mean of these weights."""
 
 
 @jax.tree_util.register_dataclass
@@ -36,7 +35,7 @@ class Goals:
         state: goals as local states of their scene; the training targets come first.
         count: number of goals in each scene.
         trained: number of training targets among them.
-        cost: cost of a step into each local state for each goal, in units of the goal's mean cost.
+        cost: cost of each local state for each goal, in units of the goal's mean cost.
     """
 
     state: Int32[Array, "scenes goals"]
@@ -51,8 +50,8 @@ def goal_states(scenes: Sequence[Scene], split: TaskSplit, hindsight: str) -> li
     Args:
         scenes: training scenes.
         split: the targets of all tasks.
-        hindsight: `none` for the training targets, `strict` for all states but the targets kept for evaluation, `open`
-            for all states.
+        hindsight: `none` for the training targets, `strict` for all states except evaluation targets, `open` for all
+            states.
 
     Returns:
         Local states of each scene, the training targets first.
@@ -60,10 +59,10 @@ def goal_states(scenes: Sequence[Scene], split: TaskSplit, hindsight: str) -> li
     trained = [np.asarray([t.state for t in split.training if t.scene == n], int) for n in range(len(scenes))]
     if hindsight == "none":
         return trained
-    others = [np.setdiff1d(scene.reachable, own) for scene, own in zip(scenes, trained, strict=True)]
+    others = [np.setdiff1d(scene.reachable, states) for scene, states in zip(scenes, trained, strict=True)]
     if hindsight == "strict":
-        others = [np.setdiff1d(own, list(split.evaluation_only(number))) for number, own in enumerate(others)]
-    return [np.concatenate(both) for both in zip(trained, others, strict=True)]
+        others = [np.setdiff1d(states, list(split.evaluation_only(number))) for number, states in enumerate(others)]
+    return [np.concatenate(parts) for parts in zip(trained, others, strict=True)]
 
 
 def manual_goals(scenes: Sequence[Scene], split: TaskSplit, hindsight: str, settings: ManualSettings) -> Goals:
@@ -79,16 +78,17 @@ def manual_goals(scenes: Sequence[Scene], split: TaskSplit, hindsight: str, sett
         The goals.
 
     Raises:
-        InputError: a step costs nothing, so that no path is better than another.
+        InputError: a step has no cost, so that all paths are equally good.
     """
     if settings.step >= 0:
-        raise InputError(f"manual.step: {settings.step} costs nothing; learning from goals needs a negative one.")
+        raise InputError(f"manual.step: {settings.step} is not a cost; agents that learn from goals need it negative.")
     states = goal_states(scenes, split, hindsight)
-    return _goals(states, [np.ones((len(own), s.n_states)) for own, s in zip(states, scenes, strict=True)], split)
+    costs = [np.ones((len(goals), scene.n_states)) for goals, scene in zip(states, scenes, strict=True)]
+    return _pad_goals(states, costs, split)
 
 
 def demonstrated_goals(scenes: Sequence[Scene], split: TaskSplit, hindsight: str, learned: LearnedRewards) -> Goals:
-    """Goals of the IRL baseline: the targets of demonstrations, and with relabelling the states along them.
+    """Goals of the IRL baseline: the targets of demonstrations, and with hindsight the states along them.
 
     Args:
         scenes: training scenes.
@@ -103,14 +103,14 @@ def demonstrated_goals(scenes: Sequence[Scene], split: TaskSplit, hindsight: str
     for reward in learned.demonstrated:
         weights[reward.target.scene].setdefault(reward.target.state, []).append(reward.solution.w)
     states = [
-        np.asarray([state for state in allowed.tolist() if state in own])
-        for allowed, own in zip(goal_states(scenes, split, hindsight), weights, strict=True)
+        np.asarray([state for state in allowed.tolist() if state in of_scene])
+        for allowed, of_scene in zip(goal_states(scenes, split, hindsight), weights, strict=True)
     ]
 
     def costs(target: Target) -> Float64[np.ndarray, "states"]:
         return _costs(np.mean(weights[target.scene][target.state], axis=0), target, learned)
 
-    return _goals(states, _costs_of_goals(states, costs), split)
+    return _pad_goals(states, _costs_of_goals(states, costs), split)
 
 
 def predicted_goals(
@@ -122,16 +122,16 @@ def predicted_goals(
     *,
     from_current_view: bool,
 ) -> Goals:
-    """Goals of ELM-IRL and RELM-IRL: any state, with costs by predicted weights.
+    """Goals of ELM-IRL and RELM-IRL: any state, with costs from predicted weights.
 
-    The weights are the mean prediction from some imagined starts, or those predicted from each state's own view.
+    The weights are the mean prediction over some random starts, or those predicted from each state's view.
 
     Args:
         scenes: training scenes.
         split: the targets of all tasks.
         hindsight: which states may be goals.
         predictor: predicts weights in these scenes.
-        generator: source of randomness of the imagined starts.
+        generator: source of randomness of the starts.
         from_current_view: whether weights are predicted from the current view.
 
     Returns:
@@ -145,20 +145,21 @@ def predicted_goals(
                 advance(1)
                 return _positive(-predictor.rewards_to(target), predictor)
 
-            return _goals(states, _costs_of_goals(states, costs), split)
+            return _pad_goals(states, _costs_of_goals(states, costs), split)
     weights = []
-    for number, (scene, own) in enumerate(zip(scenes, states, strict=True)):
-        starts = generator.choice(scene.reachable, (IMAGINED_STARTS, len(own)))
-        predicted = np.mean([predictor.weights(number, start, own) for start in starts], axis=0)
-        weights.append(dict(zip(own.tolist(), predicted, strict=True)))
-    return _goals(states, _costs_of_goals(states, lambda g: _costs(weights[g.scene][g.state], g, predictor)), split)
+    for number, (scene, goals) in enumerate(zip(scenes, states, strict=True)):
+        starts = generator.choice(scene.reachable, (IMAGINED_STARTS, len(goals)))
+        predicted = np.mean([predictor.weights(number, start, goals) for start in starts], axis=0)
+        weights.append(dict(zip(goals.tolist(), predicted, strict=True)))
+    costs_of_goals = _costs_of_goals(states, lambda g: _costs(weights[g.scene][g.state], g, predictor))
+    return _pad_goals(states, costs_of_goals, split)
 
 
 def _costs_of_goals(
     states: Sequence[Int[np.ndarray, "_"]], costs: Callable[[Target], Float64[np.ndarray, "_"]]
 ) -> list[Float64[np.ndarray, "goals states"]]:
     """Costs of all states of a scene for each of its goals, scene by scene."""
-    return [np.stack([costs(Target(number, goal)) for goal in own.tolist()]) for number, own in enumerate(states)]
+    return [np.stack([costs(Target(number, goal)) for goal in goals.tolist()]) for number, goals in enumerate(states)]
 
 
 def _costs(
@@ -173,22 +174,21 @@ def _costs(
 def _positive(
     cost: Float64[np.ndarray, "states"], rewards: LearnedRewards | RewardPredictor
 ) -> Float64[np.ndarray, "states"]:
-    """Costs to plan with: at least the smallest one, also in the free form, whose rewards may be positive."""
+    """Costs for planning: at least `minimum_cost`, also in the free form, whose rewards may be positive."""
     return np.maximum(cost, rewards.form.minimum_cost)
 
 
-def _goals(states: Sequence[Int[np.ndarray, "_"]], costs: Sequence[np.ndarray], split: TaskSplit) -> Goals:
-    """Pad goals and costs; each goal's mean cost becomes 1, so that costs to go count steps for every goal.
+def _pad_goals(states: Sequence[Int[np.ndarray, "_"]], costs: Sequence[np.ndarray], split: TaskSplit) -> Goals:
+    """Pad goals and costs, and divide the costs of each goal by their mean, so that the unit of costs is a mean step.
 
-    This changes no optimal path, since scaling a reward changes no optimal policy. It makes distances to all goals
-    comparable, which an embedding needs: with goals of different scales, one goal would be twice as far from every
-    state as its neighbour.
+    The division changes no optimal path. It makes distances to all goals comparable, which an embedding needs: with
+    different scales, one goal could be twice as far from every state as a neighbouring goal.
     """
-    count = np.asarray([len(own) for own in states])
+    count = np.asarray([len(goals) for goals in states])
     state = np.zeros((len(states), count.max()), np.int32)
-    cost = np.ones((len(states), count.max(), max(own.shape[1] for own in costs)), np.float32)
-    for number, (own, of_goal) in enumerate(zip(states, costs, strict=True)):
-        state[number, : len(own)] = own
-        cost[number, : len(own), : of_goal.shape[1]] = of_goal / of_goal.mean(1, keepdims=True)
+    cost = np.ones((len(states), count.max(), max(of_scene.shape[1] for of_scene in costs)), np.float32)
+    for number, (goals, of_scene) in enumerate(zip(states, costs, strict=True)):
+        state[number, : len(goals)] = goals
+        cost[number, : len(goals), : of_scene.shape[1]] = of_scene / of_scene.mean(1, keepdims=True)
     trained = np.bincount([target.scene for target in split.training], minlength=len(states))
     return Goals(jnp.asarray(state), jnp.asarray(count, jnp.int32), jnp.asarray(trained, jnp.int32), jnp.asarray(cost))

@@ -1,4 +1,4 @@
-"""What the demonstrations of one seed teach: φ, demonstrated weights, and regressors that predict weights."""
+"""Rewards learned from the demonstrations of one seed: φ, demonstrated weights, and regressors that predict weights."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -21,13 +21,13 @@ from relm_irl_jax.world import scene_offsets
 
 @dataclass(frozen=True)
 class LearnedRewards:
-    """What the demonstrations of one seed taught.
+    """Everything learned from the demonstrations of one seed.
 
     Attributes:
         basis: the reward features, as a function of a scene.
         phi: reward features of each training scene.
         demonstrated: weights of demonstrated targets.
-        regressors: for each method that predicts weights, the fitted regressor.
+        regressors: fitted regressor of each method that predicts weights.
         form: bounds of the rewards.
     """
 
@@ -105,8 +105,7 @@ def fit_regressors(
 def demonstrated_reward(scenes: Sequence[Scene], targets: Sequence[Target], learned: LearnedRewards) -> LinearReward:
     """The reward of the IRL baseline: weights of the target's own demonstrations.
 
-    Where every trajectory has weights of its own, an episode is paid by those of the trajectory that passes nearest
-    to its start.
+    If every trajectory has its own weights, the reward of an episode uses those of the trajectory nearest to its start.
 
     Args:
         scenes: training scenes.
@@ -119,11 +118,11 @@ def demonstrated_reward(scenes: Sequence[Scene], targets: Sequence[Target], lear
     trained = [demonstrated for demonstrated in learned.demonstrated if demonstrated.trained]
     row = np.zeros((len(targets), max(scene.n_states for scene in scenes)), np.int32)
     for number, target in enumerate(targets):
-        own = [i for i, demonstrated in enumerate(trained) if demonstrated.target == target]
+        to_target = [i for i, demonstrated in enumerate(trained) if demonstrated.target == target]
         distance = scenes[target.scene].shortest_path_distance
         finite = np.where(distance < 0, len(distance), distance)
-        to_trajectory = np.stack([finite[:, trained[i].starts].min(1) for i in own])
-        row[number, : len(distance)] = np.asarray(own)[to_trajectory.argmin(0)]
+        distance_to_trajectory = np.stack([finite[:, trained[i].starts].min(1) for i in to_target])
+        row[number, : len(distance)] = np.asarray(to_target)[distance_to_trajectory.argmin(0)]
     weights = np.stack([demonstrated.solution.w for demonstrated in trained])
     return _linear_reward(weights, row, learned.phi, learned.form)
 
@@ -157,7 +156,7 @@ def predicted_reward(
 def predicted_observations(
     scenes: Sequence[Scene], targets: Sequence[Target], predictor: RewardPredictor
 ) -> Float32[np.ndarray, "targets states"]:
-    """The predicted reward as an input of the policy (the paper's Figure 2).
+    """The predicted rewards that a policy observes as an input (the paper's Figure 2).
 
     Args:
         scenes: scenes of the world.
@@ -165,8 +164,8 @@ def predicted_observations(
         predictor: predicts rewards in these scenes.
 
     Returns:
-        r(s, g) / r_max with weights predicted from the view of s, in [-1, 0], or [-1, 1] in the free form; 0 in other
-        scenes than the target's.
+        r(s, g) / r_max with weights predicted from the view of s, in [-1, 0], or in [-1, 1] in the free form; 0 for
+        states outside the target's scene.
     """
     offsets = scene_offsets(scenes)
     observed = np.zeros((len(targets), sum(scene.n_states for scene in scenes)), np.float32)
@@ -184,7 +183,7 @@ def _linear_reward(
     *,
     from_current_view: bool = False,
 ) -> LinearReward:
-    # Padded to the most rows that a method may need: one compiled training serves all methods and seeds.
+    # Padded to the largest number of rows of any method, so that all methods and seeds share one compiled training.
     padding = max(row.size - len(weights), 0)
     return LinearReward(
         weights=jnp.asarray(np.pad(weights, ((0, padding), (0, 0))), jnp.float32),

@@ -27,7 +27,7 @@ class PairData:
     Attributes:
         inputs: view features of start and target, concatenated.
         weights: reward weights of the pair.
-        target: number of the pair's target, which groups the pairs.
+        target: number of the pair's target, a group label for PRESS.
     """
 
     inputs: Float32[np.ndarray, "pairs inputs"]
@@ -61,32 +61,32 @@ def pair_data(
     Args:
         scenes: encoded training scenes.
         demonstrated: demonstrated rewards.
-        largest: largest number of pairs; more are thinned at random, all with the same probability.
-        generator: source of randomness for thinning.
+        largest: largest number of pairs; if there are more, a random subset is drawn.
+        generator: source of randomness of the subset.
 
     Returns:
         The pairs, in the order of the demonstrated rewards.
     """
-    owner = np.repeat(np.arange(len(demonstrated)), [len(reward.starts) for reward in demonstrated])
+    index = np.repeat(np.arange(len(demonstrated)), [len(reward.starts) for reward in demonstrated])
     starts = np.concatenate([reward.starts for reward in demonstrated])
-    if len(owner) > largest:
-        kept = np.sort(generator.choice(len(owner), largest, replace=False))
-        owner, starts = owner[kept], starts[kept]
-    own = [demonstrated[number] for number in owner.tolist()]
-    views = [scenes[reward.target.scene].encoded for reward in own]
+    if len(index) > largest:
+        drawn = np.sort(generator.choice(len(index), largest, replace=False))
+        index, starts = index[drawn], starts[drawn]
+    rewards = [demonstrated[number] for number in index.tolist()]
+    views = [scenes[reward.target.scene].encoded for reward in rewards]
     start_views = np.stack([view[start] for view, start in zip(views, starts, strict=True)])
-    target_views = np.stack([view[reward.target.state] for view, reward in zip(views, own, strict=True)])
-    return PairData(pair_inputs(start_views, target_views), np.stack([reward.solution.w for reward in own]), owner)
+    target_views = np.stack([view[reward.target.state] for view, reward in zip(views, rewards, strict=True)])
+    return PairData(pair_inputs(start_views, target_views), np.stack([reward.solution.w for reward in rewards]), index)
 
 
 def fit_regressor(data: PairData, settings: ElmSettings, seed: int, *, regularised: bool) -> ELMRegressor:
-    """Fit the regressor of ELM-IRL or of RELM-IRL; both draw the same hidden layer.
+    """Fit the regressor of ELM-IRL or RELM-IRL; both draw the same hidden layer.
 
     Args:
         data: pairs.
         settings: the regressor's settings.
         seed: the run's seed.
-        regularised: order neurons by MRSR and keep those that PRESS chooses (section 4.3), or keep all.
+        regularised: whether to order neurons by MRSR and select them by PRESS (section 4.3), or to keep all.
 
     Returns:
         The fitted regressor.
@@ -110,8 +110,8 @@ def fit_regressor(data: PairData, settings: ElmSettings, seed: int, *, regularis
 class RewardPredictor:
     """Predicted weights and rewards for all pairs of views within scenes.
 
-    Each view passes through the input layer once as a start and once as a target, not once for each pair, so that all
-    pairs of a room cost seconds instead of minutes.
+    Each view is projected by the input layer once as a start and once as a target, not once for each pair. All pairs of
+    a room then take seconds instead of minutes.
 
     Args:
         scenes: encoded scenes.
@@ -162,7 +162,7 @@ class RewardPredictor:
         return self.weights(target.scene, start, np.full_like(start, target.state))
 
     def rewards_to(self, target: Target) -> Float64[np.ndarray, "states"]:
-        """Predicted reward of every state of the target's scene, with weights from that state's own view.
+        """Predicted reward of every state of the target's scene, with weights predicted from the view of that state.
 
         Args:
             target: the target.

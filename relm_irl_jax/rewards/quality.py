@@ -1,8 +1,8 @@
-"""How good a reward is, apart from any agent: the target's rank, and the order of states by distance.
+"""Quality of a reward, independent of agents: the target's rank, and the correlation of reward and distance.
 
-That the optimal policy under a reward reaches the target proves little where every reward is negative and the
-simulator ends the episode: a constant −1 does it too. Rewards are judged before clipping, since the bounds would make
-many of them equal.
+If all rewards are negative and the simulator ends the episode at the target, even under a constant −1 the optimal
+policy reaches the target. Reaching it therefore says little about a reward. Quality is measured before clipping, since
+the bounds make many rewards equal.
 """
 
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ class RewardQuality:
     """Quality of one reward.
 
     Attributes:
-        rank: position of the target among all states of the scene by reward, 1 being the best.
+        rank: rank of the target among all states of the scene by reward; 1 is the best.
         states: number of states of the scene.
         order: Spearman correlation between reward and closeness to the target; NaN for a constant reward.
     """
@@ -40,7 +40,7 @@ def reward_quality(
     weights: Float64[np.ndarray, "d"],
     form: LinearRewardForm,
 ) -> RewardQuality:
-    """Judge the reward that weights stand for.
+    """Measure the quality of a linear reward.
 
     Args:
         scene: the target's scene.
@@ -70,23 +70,23 @@ def predicted_reward_quality(
     generator: np.random.Generator,
     starts: int = 8,
 ) -> list[RewardQuality]:
-    """Judge predicted rewards from several random starts for each target.
+    """Measure the quality of rewards predicted from several random starts for each target.
 
     Args:
         scenes: the targets' scenes.
-        targets: targets, trained or not.
+        targets: the targets.
         predictor: predicts weights in these scenes.
         generator: source of randomness for starts.
         starts: number of starts for each target.
 
     Returns:
-        One entry for each target and start.
+        One quality for each target and start.
     """
-    found = []
+    qualities = []
     for target in targets:
         scene, phi = scenes[target.scene], predictor.phi[target.scene]
-        able = np.flatnonzero(scene.shortest_path_distance[:, target.state] > 0)
-        start = generator.choice(able, min(starts, len(able)), replace=False)
+        possible = np.flatnonzero(scene.shortest_path_distance[:, target.state] > 0)
+        start = generator.choice(possible, min(starts, len(possible)), replace=False)
         predicted = predictor.weights(target.scene, start, np.full_like(start, target.state))
-        found += [reward_quality(scene, target.state, phi, weights, predictor.form) for weights in predicted]
-    return found
+        qualities += [reward_quality(scene, target.state, phi, weights, predictor.form) for weights in predicted]
+    return qualities

@@ -1,4 +1,4 @@
-"""Settings of the rewards: hand-made, learned from demonstrations, predicted, and used to relabel goals."""
+"""Settings of rewards: hand-made, learned from demonstrations, predicted, and for hindsight relabelling."""
 
 from typing import Annotated, Literal
 
@@ -26,27 +26,26 @@ class IrlSettings(IrlMethodSettings):
     """Demonstrations, and inverse reinforcement learning from them."""
 
     max_margin: MaxMarginSettings = MaxMarginSettings(regularisation=10.0, compare_with_lp=False)
-    """The maximum-margin program; its form, discount and r_max hold for all methods. λ = 10 keeps 94% of the linear
-    program's objective, and weights predicted for new targets rank them far higher than with a smaller λ."""
+    """The maximum-margin program; its form, discount and r_max apply to all methods. With λ = 10, solutions reach 94%
+    of the linear program's objective, and predicted rewards rank new targets far higher than with a smaller λ."""
     trajectories: PositiveInt = 16
     """Expert trajectories for each training target, from distinct random starts."""
     pooling: Literal["target", "trajectory"] = "target"
     """One problem for all trajectories to a target, or one for each trajectory."""
     dimension: NonNegativeInt = 64
-    """Principal components of the view features that make φ; 0 keeps all of them."""
+    """Number of principal components of the view features that form φ; 0 uses all of them."""
     sub_trajectories: bool = True
-    """Let states along the demonstrations serve as further targets for the extreme learning machine: a part of a
-    shortest path is a shortest path."""
+    """Whether states along the demonstrations serve as further targets for the extreme learning machine: every part of
+    a shortest path is a shortest path."""
     minimum_cost: Annotated[float, Field(ge=0, le=1)] = 0.6
-    """Smallest cost of a step in the learned reward, as a share of r_max; with 0, states that cost nothing invite the
-    agent to stay. Paths that are optimal under predicted rewards are longer than the shortest by 0.9% with 0.3 and by
-    0.1% with 0.6, and the metric agent's SPL on new targets is .72 and .80 (RELM-IRL, 1.2M frames)."""
+    """Smallest cost of a step in the learned reward, as a share of r_max; with 0, the agent can stay in states without
+    cost. Optimal paths under predicted rewards are longer than shortest paths by 0.9% with 0.3 and by 0.1% with 0.6;
+    the metric agent's SPL on new targets is .72 and .80 (RELM-IRL, 1.2M frames)."""
     cost_horizon: PositiveFloat = 6.0
-    """Returns of learned rewards are divided by r_max times this many steps before agents learn values from them.
-    Larger returns train less reliably, smaller ones are dominated by the entropy bonus (IRL on Task I: SPL 0.92 with
-    6, 0.90 with 10)."""
+    """Agents that learn values divide learned rewards by r_max times this number of steps. Larger returns train less
+    reliably, smaller ones are dominated by the entropy bonus (IRL on Task I: SPL 0.92 with 6, 0.90 with 10)."""
     processes: Annotated[int, Field(ge=0)] = 0
-    """Processes that solve problems in parallel; 0 takes one for each core, or what joblib is configured for."""
+    """Processes that solve problems in parallel; 0 for one on each core, or for joblib's configuration."""
 
     def form(self) -> LinearRewardForm:
         """Bounds of the learned reward."""
@@ -59,35 +58,35 @@ class ElmSettings:
     """The extreme learning machine that predicts reward weights."""
 
     hidden: PositiveInt = 1950
-    """Hidden neurons before selection (the paper's 1950)."""
+    """Hidden neurons before selection (1950 in the paper)."""
     activation: Literal["tanh", "sigmoid", "relu", "rbf"] = "tanh"
     """Activation of the hidden neurons."""
     pairs: PositiveInt = 2000
-    """Largest number of (start, target) pairs to fit; more are thinned at random."""
+    """Largest number of (start, target) pairs to fit; if there are more, a random subset is used."""
     ordering: Literal["mrsr", "none"] = "mrsr"
-    """Order in which the regularised regressor adds neurons."""
+    """Order of the regularised regressor's neurons: by MRSR, or random (`none`)."""
     norm: Literal[1, 2] = 1
-    """Norm of the cumulative correlation in MRSR; the paper's is 1."""
+    """Norm of the cumulative correlation in MRSR; 1 in the paper."""
     selection: Literal["press", "none"] | Annotated[int, Field(ge=1)] = "press"
-    """Neurons that the regularised regressor keeps: the minimum of the PRESS curve, all, or a number."""
+    """Neurons that the regularised regressor keeps: the minimum of the PRESS curve, all (`none`), or a number."""
     ridge: NonNegativeFloat | Literal["press"] = 0.0
-    """Ridge of the regularised regressor's output weights, or `press` to choose it by PRESS."""
+    """Ridge penalty on the regularised regressor's output weights, or `press` to choose it by PRESS."""
     leave_out: Literal["pair", "target"] = "pair"
-    """What PRESS leaves out at a time: one pair, as in the paper, or all pairs of one target, whose weights are alike.
-    With the former, the other pairs of a target reveal the weights of the one left out, so that more neurons are kept
-    than is good for new targets."""
+    """What PRESS leaves out at a time: one pair, as in the paper, or all pairs of one target. Pairs of one target have
+    similar weights; with `pair`, the remaining pairs reveal the weights of the one left out, and more neurons are kept
+    than is best for new targets."""
     predict_from: Literal["start", "current"] = "start"
-    """View from which weights are predicted: the episode's first, or the current one ("adjusted in real time",
+    """View from which weights are predicted: the first of the episode, or the current one ("adjusted in real time",
     section 4.2)."""
 
 
 @dataclass(frozen=True)
 class GoalSettings:
-    """States that serve as targets after the fact (hindsight relabelling), for agents that learn from them."""
+    """Goals of hindsight relabelling, for agents that use it."""
 
     hindsight: Literal["none", "strict", "open"] = "strict"
-    """States that may be goals, as far as the method's reward covers them: only the training targets (`none`), every
-    state but the targets kept for evaluation (`strict`), or every state (`open`)."""
+    """States that may be goals, if the method has a reward for them: only the training targets (`none`), all states
+    except evaluation targets (`strict`), or all states (`open`)."""
     imagine: bool = True
-    """Whether ELM-IRL and RELM-IRL, whose rewards are predicted for any pair of views, take goals as in `strict` where
-    `hindsight` is `none`. RL and IRL are rewarded for the training targets alone then."""
+    """Whether ELM-IRL and RELM-IRL, which predict rewards for any pair of views, use the goals of `strict` if
+    `hindsight` is `none`. RL and IRL then have the training targets only."""

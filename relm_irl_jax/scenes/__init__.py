@@ -1,11 +1,11 @@
-"""Scenes: the data structure, the file format, the built-in rooms, and the recording of other simulators.
+"""Scenes: data structure, file format, built-in rooms, and recording of other simulators.
 
-Names are imported when they are first used, so that processes that only need the structure do not load JAX.
+Names are imported on first use, so that processes that only need the structure do not load JAX.
 """
 
 from typing import TYPE_CHECKING
 
-from relm_irl_jax.lazy import on_first_use
+from relm_irl_jax.lazy import lazy_getattr
 
 if TYPE_CHECKING:
     from relm_irl_jax.scenes.recording.record import record_scene as record_scene
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from relm_irl_jax.scenes.scene_file import load_scene as load_scene
     from relm_irl_jax.scenes.scene_file import save_scene as save_scene
 
-_HOME = {
+_MODULES = {
     "Pose": "recording.simulator",
     "Scene": "scene",
     "SimulatorScene": "recording.simulator",
@@ -30,6 +30,6 @@ _HOME = {
     "save_scene": "scene_file",
 }
 
-__all__ = sorted(_HOME)
+__all__ = sorted(_MODULES)
 
-__getattr__ = on_first_use(__name__, _HOME)
+__getattr__ = lazy_getattr(__name__, _MODULES)

@@ -1,8 +1,8 @@
 """Consistency checks of scenes.
 
-`load_scene` refuses datasets of the wrong shape or range. The checks here compare datasets with each other: moves and
-turns lead where `location` and `rotation` say, every action can be undone, `shortest_path_distance` agrees with
-`graph`, and no pose occurs twice. A scene whose turns all have the opposite direction is only noted, because nothing
+`load_scene` refuses datasets with a wrong shape or range. The checks here compare datasets with each other: moves and
+turns agree with `location` and `rotation`, every action can be undone, `shortest_path_distance` agrees with `graph`,
+and no pose occurs twice. A scene in which all turns have the opposite direction gets a note only, because nothing
 depends on the direction.
 """
 
@@ -30,10 +30,10 @@ class SceneCheck:
 
     Attributes:
         path: the file.
-        scene: the scene without its views; None where the file could not be read.
-        image_size: rows and columns of the views; None where the file could not be read.
-        faults: errors that training cannot work with, one sentence each; empty for a valid scene.
-        notes: unusual properties without consequences.
+        scene: the scene without its views; None if the file could not be read.
+        image_size: rows and columns of the views; None if the file could not be read.
+        faults: errors that make the scene unusable for training, one sentence each; empty for a valid scene.
+        notes: unusual properties that do not matter.
     """
 
     path: Path
@@ -93,40 +93,39 @@ def _check_poses(scene: Scene) -> list[str]:
     if off.max() > TOLERANCE:
         state = int(off.argmax())
         faults.append(
-            f"dataset `rotation` holds {scene.rotation[state]:g} at state {state}; headings are 0, 90, 180, 270."
+            f"dataset `rotation` has {scene.rotation[state]:g} at state {state}; headings are 0, 90, 180, 270."
         )
     poses = np.column_stack([np.round(scene.location / TOLERANCE), np.round(scene.rotation) % 360])
     _, first, counts = np.unique(poses, axis=0, return_index=True, return_counts=True)
     if (counts > 1).any():
         state = int(first[counts > 1].min())
-        faults.append(
-            f"datasets `location` and `rotation` hold {int((counts > 1).sum())} poses twice, first state {state}."
-        )
+        duplicates = int((counts > 1).sum())
+        faults.append(f"datasets `location` and `rotation` have {duplicates} duplicate poses, first at state {state}.")
     return faults
 
 
 def _check_turns(scene: Scene) -> tuple[list[str], tuple[str, ...]]:
-    """Turns keep the place and change the heading by 90 degrees, RotateRight always in the same direction."""
+    """Turns keep the position and change the heading by 90 degrees, RotateRight always in the same direction."""
     faults, signs = [], []
     for action, sign in ((RIGHT, 1), (LEFT, -1)):
         state = np.flatnonzero(scene.graph[:, action] != COLLISION)
         next_state = scene.graph[state, action]
         moved = np.abs(scene.location[next_state] - scene.location[state]).max(1) > TOLERANCE
         if moved.any():
-            faults.append(f"dataset `graph`: {ACTIONS[action]} from state {state[moved][0]} leaves its place.")
+            faults.append(f"dataset `graph`: {ACTIONS[action]} from state {state[moved][0]} changes the position.")
         change = sign * _angle(scene.rotation[next_state] - scene.rotation[state])
         odd = np.abs(np.abs(change) - 90) > TOLERANCE
         if odd.any():
-            faults.append(f"dataset `graph`: {ACTIONS[action]} from state {state[odd][0]} is no turn by 90 degrees.")
+            faults.append(f"dataset `graph`: {ACTIONS[action]} from state {state[odd][0]} does not turn by 90 degrees.")
         signs.append(np.sign(change[~odd]))
     directions = np.concatenate(signs)
     if (directions > 0).any() and (directions < 0).any():
-        faults.append("dataset `graph`: some turns have one direction and some the other.")
+        faults.append("dataset `graph`: turns have different directions.")
     return faults, ("turns have the opposite direction",) if len(directions) and (directions < 0).all() else ()
 
 
 def _check_moves(scene: Scene) -> list[str]:
-    """Moves keep the heading and lead one grid step along it or against it."""
+    """Moves keep the heading, and change the position by one grid step along the heading or against it."""
     radians = np.deg2rad(scene.rotation)
     heading = np.column_stack([np.sin(radians), np.cos(radians)])
     faults = []
@@ -140,8 +139,8 @@ def _check_moves(scene: Scene) -> list[str]:
         off_target = np.abs(step - sign * GRID_STEP * heading[state]).max(1) > TOLERANCE
         if off_target.any():
             faults.append(
-                f"dataset `graph`: {ACTIONS[action]} leads {int(off_target.sum())} times elsewhere than {GRID_STEP} m "
-                f"along the heading, first from state {state[off_target][0]}."
+                f"dataset `graph`: {ACTIONS[action]} does not move by {GRID_STEP} m along the heading in "
+                f"{int(off_target.sum())} states, first from state {state[off_target][0]}."
             )
     return faults
 
@@ -187,7 +186,7 @@ def check_table(checked: Sequence[SceneCheck]) -> Table:
     """
     table = Table(
         title="Scene files",
-        caption="unreached: states that no other state reaches; longest: longest of all shortest paths",
+        caption="unreached: states that no other state can reach; longest: longest of all shortest paths",
         box=box.SIMPLE_HEAD,
         padding=(0, 1, 0, 0),
     )

@@ -3,18 +3,18 @@
 from relm_irl_jax.scenes.scene import Scene
 
 MINIMUM_SHARE = 0.01
-"""Least share of a view that an object must cover to count as seen."""
+"""Smallest share of a view at which an object counts as visible."""
 
 
 def best_views(scene: Scene) -> dict[str, int]:
-    """Find the state whose view shows most of each category.
+    """Find the state whose view shows the largest share of each category.
 
     Args:
         scene: a scene; one without labels gives an empty dictionary.
 
     Returns:
-        State by category, in the order of `scene.categories`; of states with equal shares the first. Categories that
-        cover less than `MINIMUM_SHARE` of every view are left out.
+        State by category, in the order of `scene.categories`; the first state if several have equal shares. Categories
+        that cover less than `MINIMUM_SHARE` of every view are left out.
     """
     if scene.visible_object is None:
         return {}

@@ -1,7 +1,7 @@
 """The scene: a finite navigation problem with one view for each state.
 
-A *state* is a place on a 0.5 m grid together with one of four headings. An *action* moves the camera by one step or
-turns it by 90 degrees.
+A *state* is a pose: a position on a 0.5 m grid, here called a *place*, with one of four headings. An *action* moves the
+camera by one step or turns it by 90 degrees.
 """
 
 from collections.abc import Sequence
@@ -39,16 +39,16 @@ class Scene:
 
     Attributes:
         name: unique name, for example `bathroom-0`.
-        room_type: one of `ROOM_TYPES`, or another type's name for scenes from elsewhere.
+        room_type: one of `ROOM_TYPES`, or another name for scenes from other sources.
         location: place (x, z) of each state, in metres.
         rotation: heading of each state, in degrees, one of `HEADINGS`.
         graph: next state for each action of `ACTIONS`, or `COLLISION`.
-        shortest_path_distance: least number of actions from row to column, or `UNREACHABLE`.
-        observation: view of each state as RGB; None where the views were not loaded.
+        shortest_path_distance: smallest number of actions from row to column, or `UNREACHABLE`.
+        observation: view of each state as RGB; None if the views were not loaded.
         features: encoded view of each state; None before encoding.
         visible_object: share of the view that each category covers, in [0, 1]; None without labels.
         categories: name of each column of `visible_object`.
-        source: program and version that the scene comes from, for example `rooms/3`.
+        source: program and version that made the scene, for example `rooms/3`.
         encoder: name of the encoder of `features`; empty before encoding.
     """
 
@@ -72,7 +72,7 @@ class Scene:
 
     @property
     def reachable(self) -> Int64[np.ndarray, "reachable"]:
-        """States that some other state can reach, ascending; the original scenes hold some that none can."""
+        """States that some other state can reach, ascending; in the original scenes, not all states are reachable."""
         return np.flatnonzero((self.shortest_path_distance > 0).any(0))
 
     def without_views(self) -> "Scene":
@@ -81,14 +81,14 @@ class Scene:
 
     @property
     def views(self) -> UInt8[np.ndarray, "states height width 3"]:
-        """The views; an InputError where the scene holds none."""
+        """The views; raises InputError if they were not loaded."""
         if self.observation is None:
-            raise InputError(f"{self.name}: the scene holds no views; read or generate it with them.")
+            raise InputError(f"{self.name}: the scene has no views; load or generate it with views.")
         return self.observation
 
     @property
     def encoded(self) -> Float32[np.ndarray, "states feature"]:
-        """The features; an InputError where the views are not encoded yet."""
+        """The features; raises InputError before encoding."""
         if self.features is None:
             raise InputError(f"{self.name}: the scene has no features; encode its views first.")
         return self.features
@@ -101,7 +101,7 @@ def first_of_each_type(scenes: Sequence[Scene]) -> dict[str, int]:
         scenes: the scenes.
 
     Returns:
-        Number of the first scene of each room type.
+        Index of the first scene of each room type.
     """
     first: dict[str, int] = {}
     for number, scene in enumerate(scenes):
@@ -114,8 +114,8 @@ def pose_graph(
 ) -> tuple[Float64[np.ndarray, "states 2"], Float64[np.ndarray, "states"], Int32[np.ndarray, "states 4"]]:
     """Build states and moves from the free places of a grid.
 
-    Every free place gets four states, one per heading, in the order of `HEADINGS`. MoveAhead and MoveBack lead to the
-    neighbouring place along the heading if it is free and collide otherwise; turns stay in place.
+    Every free place has four states, one for each heading, in the order of `HEADINGS`. MoveAhead and MoveBack lead to
+    the neighbouring place along the heading if it is free, and collide otherwise; turns keep the place.
 
     Args:
         places: distinct integer grid coordinates (column along x, row along z) of the free places.
@@ -142,7 +142,7 @@ def pose_graph(
 
 
 def shortest_path_distances(graph: Int[np.ndarray, "states 4"]) -> Int32[np.ndarray, "states states"]:
-    """Least number of actions between all pairs of states.
+    """Smallest number of actions between all pairs of states.
 
     Args:
         graph: next state for each action, or `COLLISION`.
@@ -157,7 +157,7 @@ def shortest_path_distances(graph: Int[np.ndarray, "states 4"]) -> Int32[np.ndar
 
 
 def successors(graph: Int[np.ndarray, "states 4"]) -> Int32[np.ndarray, "states 4"]:
-    """Next state for each action, where a collision leaves the state unchanged.
+    """Next state for each action; a collision leaves the state unchanged.
 
     Args:
         graph: next state for each action, or `COLLISION`.

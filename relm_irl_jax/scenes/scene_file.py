@@ -1,9 +1,9 @@
-"""Scene files: the THOR v1 format of Zhu et al. (2017), one HDF5 file a scene.
+"""Scene files: the THOR v1 format of Zhu et al. (2017), one HDF5 file for each scene.
 
 Datasets: `observation` (state, height, width, 3), `resnet_feature` (state, crop, 2048; crop 0 is read), `location`,
-`rotation`, `graph`, `shortest_path_distance`. This package adds, optionally, labels and origin: the dataset
+`rotation`, `graph`, `shortest_path_distance`. This package adds optional labels and metadata: the dataset
 `visible_object` with the attribute `categories`, and the file attributes `name`, `room_type`, `source`, `encoder` and
-`format_version`. A file without these is read as an original one.
+`format_version`. Original files without these can also be read.
 """
 
 import os
@@ -22,17 +22,17 @@ NAME_PATTERN = r"\w[\w .+-]*"
 """Pattern of the names of scenes and room types, which become parts of file names."""
 
 MAX_COMPRESSION = 2000
-"""Greatest ratio of a dataset's size to that of its file; a larger one is damage."""
+"""Largest plausible ratio of a dataset's size to its file's size; with a larger ratio, the file is damaged."""
 
 _OTHER_SPELLINGS = {"livingroom": "living_room"}
 
 
 def save_scene(scene: Scene, path: str | os.PathLike) -> None:
-    """Write a scene as a THOR v1 file; the file appears only once it is complete.
+    """Write a scene as a THOR v1 file, atomically.
 
     Args:
         scene: the scene; fields that are None are left out.
-        path: file to write, customarily ending in `.h5` or `.hdf5`.
+        path: file to write, usually ending in `.h5` or `.hdf5`.
     """
     with whole_file(Path(path)) as temporary, h5py.File(temporary, "w") as file:
         file["location"] = scene.location
@@ -61,14 +61,13 @@ def load_scene(path: str | os.PathLike, *, views: bool = True) -> Scene:
 
     Args:
         path: file to read.
-        views: whether to read the views, by far the largest dataset. Only encoders and pictures need them.
+        views: whether to read the views, by far the largest dataset. Only encoders and figures need them.
 
     Returns:
-        The scene, with features of crop 0 where the file holds any.
+        The scene, with features of crop 0 if the file has features.
 
     Raises:
-        InputError: the file is missing, not HDF5, or a dataset is absent or of an unusable shape or range; the
-            message names the file and the dataset.
+        InputError: the file is missing or not HDF5, or a dataset is missing or has a wrong shape or range.
     """
     path = Path(path)
     if not path.is_file():
@@ -78,19 +77,19 @@ def load_scene(path: str | os.PathLike, *, views: bool = True) -> Scene:
             return _read(file, path, views=views)
     except InputError:
         raise
-    except Exception as error:  # a damaged file makes the HDF5 library raise nearly everything
+    except Exception as error:  # damaged files cause many kinds of exceptions in the HDF5 library
         cause = (str(error).splitlines() or [type(error).__name__])[0]
         raise InputError(f"{path}: cannot be read as HDF5 ({cause}); write or copy the file again.") from error
 
 
 def room_type_from_name(name: str) -> str:
-    """Room type from a scene's name, for files without the attribute: `bathroom_02` is a `bathroom`.
+    """Derive the room type from a scene's name, for files without the attribute: `bathroom_02` is a `bathroom`.
 
     Args:
         name: the scene's name, a room type followed by a number.
 
     Returns:
-        One of `ROOM_TYPES`, or the name without its number for other rooms.
+        One of `ROOM_TYPES`, or for other rooms the name without its number.
     """
     stem = re.sub(r"[\s_-]*\d+$", "", name.lower())
     stem = _OTHER_SPELLINGS.get(stem, stem)
@@ -101,14 +100,14 @@ def _read(file: h5py.File, path: Path, *, views: bool) -> Scene:
     graph = _dataset(file, path, "graph", (None, len(ACTIONS)))
     n_states = len(graph)
     is_state = np.issubdtype(graph.dtype, np.integer) and graph.min() >= COLLISION and graph.max() < n_states
-    _require(bool(is_state), path, "graph", f"must hold -1 or a state number below {n_states}")
+    _require(bool(is_state), path, "graph", f"must contain -1 or a state number below {n_states}")
     location = _numbers(file, path, "location", (n_states, 2))
     stored = file.get("rotation")
     column = isinstance(stored, h5py.Dataset) and len(stored.shape or ()) == 2
     rotation = _numbers(file, path, "rotation", (n_states, 1) if column else (n_states,)).reshape(-1)
     distance = _numbers(file, path, "shortest_path_distance", (n_states, n_states))
     is_distance = distance.min() >= UNREACHABLE and distance.max() < 2**31 and (distance == np.round(distance)).all()
-    _require(bool(is_distance), path, "shortest_path_distance", "must hold whole numbers, -1 or more")
+    _require(bool(is_distance), path, "shortest_path_distance", "must contain whole numbers, -1 or more")
     features = observation = visible = None
     categories = ()
     if "resnet_feature" in file:
@@ -117,13 +116,13 @@ def _read(file: h5py.File, path: Path, *, views: bool) -> Scene:
     if "visible_object" in file:
         visible = _numbers(file, path, "visible_object", (n_states, None)).astype(np.float32)
         is_share = visible.min() >= 0 and visible.max() <= 1 + 1e-6
-        _require(bool(is_share), path, "visible_object", "must hold shares between 0 and 1")
+        _require(bool(is_share), path, "visible_object", "must contain shares between 0 and 1")
         categories = tuple(str(name) for name in np.ravel(file["visible_object"].attrs.get("categories", ())))
         _require(
             len(categories) == visible.shape[1],
             path,
             "visible_object",
-            "needs one name a column in `categories`",
+            "needs one name for each column in `categories`",
         )
     if views:
         observation = _dataset(file, path, "observation", (n_states, None, None, 3))
@@ -146,40 +145,40 @@ def _read(file: h5py.File, path: Path, *, views: bool) -> Scene:
 
 
 def _dataset(file: h5py.File, path: Path, name: str, shape: tuple[int | None, ...]) -> np.ndarray:
-    """Read a whole dataset after checking its shape; None in `shape` stands for any length but 0."""
+    """Read a dataset after checking its shape; None in `shape` stands for any positive length."""
     stored = file.get(name)
     if not isinstance(stored, h5py.Dataset):
         raise InputError(f"{path}: dataset `{name}` is missing; write the scene again in the THOR v1 format.")
-    found = stored.shape or ()
-    fits = len(found) == len(shape) and all(n > 0 and m in (None, n) for n, m in zip(found, shape, strict=True))
+    actual = stored.shape or ()
+    fits = len(actual) == len(shape) and all(n > 0 and m in (None, n) for n, m in zip(actual, shape, strict=True))
     expected = " x ".join("any" if length is None else str(length) for length in shape)
-    _require(fits, path, name, f"is of shape {' x '.join(map(str, found)) or 'none'} where {expected} is expected")
-    # A damaged length could ask for more memory than there is.
+    _require(fits, path, name, f"has shape {' x '.join(map(str, actual)) or 'none'}, expected {expected}")
+    # With a damaged length, reading could exhaust the memory.
     limit = MAX_COMPRESSION * path.stat().st_size
-    _require(stored.size * stored.dtype.itemsize <= limit, path, name, "claims to be larger than its file can hold")
+    _require(stored.size * stored.dtype.itemsize <= limit, path, name, "is declared larger than its file can store")
     return stored[()]
 
 
 def _numbers(file: h5py.File, path: Path, name: str, shape: tuple[int | None, ...]) -> np.ndarray:
     """Read a dataset of finite real numbers."""
     values = _dataset(file, path, name, shape)
-    _require(values.dtype.kind in "iuf", path, name, f"holds no real numbers but {values.dtype}")
+    _require(values.dtype.kind in "iuf", path, name, f"must contain real numbers, not {values.dtype}")
     limit = float(np.finfo(np.float32).max)
     fits = np.isfinite(values).all() and np.abs(values, dtype=np.float64).max() <= limit
-    _require(bool(fits), path, name, "holds values that are not finite")
+    _require(bool(fits), path, name, "has values that are not finite")
     return values
 
 
 def _text(file: h5py.File, path: Path, attribute: str, default: str) -> str:
-    """Read an attribute that becomes part of file names."""
+    """Read a string attribute that becomes part of file names."""
     value = file.attrs.get(attribute, default)
     if not isinstance(value, str) or not re.fullmatch(NAME_PATTERN, value):
         raise InputError(
-            f"{path}: attribute `{attribute}` must be a name of letters, digits, '_', '-', '.' and blanks."
+            f"{path}: attribute `{attribute}` must be a name of letters, digits, '_', '-', '.' and spaces."
         )
     return value
 
 
-def _require(holds: bool, path: Path, dataset: str, fault: str) -> None:
-    if not holds:
+def _require(condition: bool, path: Path, dataset: str, fault: str) -> None:
+    if not condition:
         raise InputError(f"{path}: dataset `{dataset}` {fault}; write the scene again.")

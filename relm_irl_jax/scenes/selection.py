@@ -1,4 +1,4 @@
-"""Which scenes a run uses for training and for Task III: built-in rooms or a folder of scene files."""
+"""Selection of the training scenes and of the unseen scenes of Task III: built-in rooms or a folder of scene files."""
 
 from collections import defaultdict
 from pathlib import Path
@@ -13,7 +13,7 @@ from relm_irl_jax.scenes.scene import ROOM_TYPES, Scene
 from relm_irl_jax.scenes.scene_file import load_scene
 
 ROOMS = "rooms"
-"""Stands for the built-in rooms where a folder is expected."""
+"""Value of the setting `scenes` that selects the built-in rooms instead of a folder."""
 
 
 @dataclass(frozen=True)
@@ -21,17 +21,17 @@ class SceneSettings:
     """Training scenes, unseen scenes, and the size of the built-in rooms."""
 
     training_per_type: PositiveInt = 2
-    """Training scenes of each room type; of a folder the first ones in the order of file names, or fewer."""
+    """Training scenes of each room type. In a folder, these are the first ones in the order of file names."""
     training: tuple[str, ...] = ()
-    """Names of the training scenes of a folder, instead of the first ones; all others are unseen."""
+    """Names of the training scenes in a folder, instead of the first ones; all other scenes are unseen."""
     unseen_per_type: PositiveInt = 3
-    """Scenes of each room type that only Task III sees; of a folder those that follow, at least one."""
+    """Unseen scenes of each room type for Task III. In a folder, these follow the training scenes; one is enough."""
     size: Literal["full", "tiny"] = "full"
-    """Size of the built-in rooms: the state counts of the original scenes, or 12 to 20 places for quick trials."""
+    """Size of the built-in rooms: the state counts of the original scenes (`full`), or 12 to 20 places (`tiny`)."""
     image_size: PositiveInt = 224
     """Rows and columns of the views of built-in rooms."""
     first_room: NonNegativeInt = 0
-    """Number of the first built-in room of each type; training rooms come first, unseen ones follow."""
+    """Number of the first built-in room of each type; training rooms come first, then unseen rooms."""
 
 
 def training_scenes(scenes: str, settings: SceneSettings, *, views: bool = True) -> list[Scene]:
@@ -49,15 +49,13 @@ def training_scenes(scenes: str, settings: SceneSettings, *, views: bool = True)
         InputError: the folder or a file in it cannot be used.
     """
     if scenes == ROOMS:
-        if settings.training:
-            raise InputError("scene.training: names scenes of a folder; leave it out for the built-in rooms.")
         return _built_in_rooms(settings.first_room, settings.training_per_type, settings, views=views)
     chosen = [path for training, _ in _scenes_by_type(scenes, settings).values() for path in training]
     return [load_scene(path, views=views) for path in chosen]
 
 
 def unseen_scenes(scenes: str, settings: SceneSettings, *, views: bool = True) -> list[Scene]:
-    """Load the scenes that only Task III uses, ordered by room type.
+    """Load the unseen scenes of Task III, ordered by room type.
 
     Args:
         scenes: `ROOMS`, or a folder of scene files.
@@ -68,47 +66,45 @@ def unseen_scenes(scenes: str, settings: SceneSettings, *, views: bool = True) -
         The scenes.
 
     Raises:
-        InputError: the folder or a file in it cannot be used, or holds too few scenes.
+        InputError: the folder or a file in it cannot be used, or the folder contains too few scenes.
     """
     if scenes == ROOMS:
-        if settings.training:
-            raise InputError("scene.training: names scenes of a folder; leave it out for the built-in rooms.")
         first = settings.first_room + settings.training_per_type
         return _built_in_rooms(first, settings.unseen_per_type, settings, views=views)
     chosen = []
     for room_type, (training, others) in _scenes_by_type(scenes, settings).items():
         if not others:
             raise InputError(
-                f"scenes: all {len(training)} scenes of type {room_type} in {scenes} are trained, none is left for "
-                "Task III; add scenes, or lower scene.training_per_type."
+                f"scenes: all {len(training)} scenes of type {room_type} in {scenes} are training scenes, so that none "
+                "is left for Task III; add scenes, or lower scene.training_per_type."
             )
         chosen += others[: settings.unseen_per_type]
     return [load_scene(path, views=views) for path in chosen]
 
 
 def check_scenes_setting(scenes: str) -> None:
-    """Refuse a value that is neither `ROOMS` nor a folder of scene files.
+    """Check that a value is `ROOMS` or a folder of scene files.
 
     Args:
         scenes: the value.
 
     Raises:
-        InputError: says what was found instead.
+        InputError: the value is neither.
     """
     if scenes == ROOMS:
         return
     folder = Path(scenes)
     if not folder.is_dir():
-        raise InputError(f"scenes: {scenes} is no folder; give `{ROOMS}` or a folder of HDF5 scene files.")
+        raise InputError(f"scenes: {scenes} is not a folder; give `{ROOMS}` or a folder of HDF5 scene files.")
     if not scene_files(folder):
-        raise InputError(f"scenes: {scenes} holds no file ending in .h5 or .hdf5; give a folder of scene files.")
+        raise InputError(f"scenes: {scenes} contains no file ending in .h5 or .hdf5; give a folder of scene files.")
 
 
 def scene_files(folder: Path) -> list[Path]:
     """List the scene files of a folder, in order of name.
 
     Args:
-        folder: where to look.
+        folder: the folder.
 
     Returns:
         Files ending in `.h5` or `.hdf5`.
@@ -117,7 +113,9 @@ def scene_files(folder: Path) -> list[Path]:
 
 
 def _built_in_rooms(first: int, count: int, settings: SceneSettings, *, views: bool) -> list[Scene]:
-    """Rooms `first` to `first + count - 1` of every type."""
+    """Load rooms `first` to `first + count - 1` of every type."""
+    if settings.training:
+        raise InputError("scene.training: names scenes of a folder; leave it out for the built-in rooms.")
     return [
         built_in_room(room_type, first + number, size=settings.size, image_size=settings.image_size, views=views)
         for room_type in ROOM_TYPES
@@ -135,7 +133,8 @@ def _scenes_by_type(scenes: str, settings: SceneSettings) -> dict[str, tuple[lis
         by_type[scene.room_type].append((scene.name, path))
         names.add(scene.name)
     if missing := set(settings.training) - names:
-        raise InputError(f"scene.training: {scenes} holds no scene {min(missing)}; it has {', '.join(sorted(names))}.")
+        available = ", ".join(sorted(names))
+        raise InputError(f"scene.training: {scenes} contains no scene {min(missing)}; it has {available}.")
     split = {}
     for room_type, named_paths in sorted(by_type.items()):
         paths = [path for _, path in named_paths]

@@ -1,1 +1,1 @@
-"""The stages of a run: each takes the configuration and earlier results, and leaves its own in the run folder."""
+"""The stages of a run: each reads the configuration and earlier results, and writes its results to the run folder."""

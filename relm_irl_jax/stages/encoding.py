@@ -1,27 +1,25 @@
 """First stage: scenes and the features of their views."""
 
-import dataclasses
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
 from relm_irl_jax.config import Config
-from relm_irl_jax.features.cache import encode_cached
+from relm_irl_jax.features.cache import encode_scene
 from relm_irl_jax.features.encoder import N_CALIBRATION_VIEWS, Encoder, make_encoder
-from relm_irl_jax.scenes.rooms.cache import cache_folder
 from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.scenes.selection import ROOMS, SceneSettings, training_scenes, unseen_scenes
 
 
 @dataclass(frozen=True, eq=False)
 class EncodedScenes:
-    """Scenes with features, and what encoded them; each is equal to itself alone.
+    """Scenes with features, and their encoder; compared by identity.
 
     Attributes:
         scenes: the scenes, without their views.
-        encoder: the encoder; None where the scene files bring their own features.
-        encoder_name: what results call it.
+        encoder: the encoder; None if the scene files contain features.
+        encoder_name: name of the encoder in results.
     """
 
     scenes: list[Scene]
@@ -41,11 +39,11 @@ def encode_training(config: Config) -> EncodedScenes:
     scenes = training_scenes(config.scenes, config.scene)
     if config.scenes != ROOMS and all(scene.features is not None for scene in scenes):
         return EncodedScenes([scene.without_views() for scene in scenes], None, scenes[0].encoder)
-    # Random weights take their statistics from training views only, so that unseen scenes stay unseen.
+    # The statistics of random weights are measured on training views only, so that unseen scenes stay unseen.
     share = -(-N_CALIBRATION_VIEWS // len(scenes))
     views = [scene.views[:: max(1, scene.n_states // share)][:share] for scene in scenes]
     encoder = make_encoder(config.encoder, np.concatenate(views))
-    return EncodedScenes([_encoded(scene, encoder) for scene in scenes], encoder, encoder.name)
+    return EncodedScenes([encode_scene(scene, encoder).without_views() for scene in scenes], encoder, encoder.name)
 
 
 def encode_unseen(config: Config, training: EncodedScenes) -> list[Scene]:
@@ -66,9 +64,4 @@ def _encode_unseen(source: str, settings: SceneSettings, training: EncodedScenes
     scenes = unseen_scenes(source, settings)
     if training.encoder is None:
         return [scene.without_views() for scene in scenes]
-    return [_encoded(scene, training.encoder) for scene in scenes]
-
-
-def _encoded(scene: Scene, encoder: Encoder) -> Scene:
-    features = encode_cached(scene.views, encoder, cache_folder() / "features", f"encoding {scene.name}")
-    return dataclasses.replace(scene.without_views(), features=features, encoder=encoder.name)
+    return [encode_scene(scene, training.encoder).without_views() for scene in scenes]

@@ -1,4 +1,4 @@
-"""Episodes of a trained agent, state by state: for the report, and to be watched."""
+"""Paths of a trained agent's episodes, for the report and for animations."""
 
 from dataclasses import dataclass
 
@@ -22,12 +22,12 @@ from relm_irl_jax.world import scene_offsets
 
 @dataclass(frozen=True)
 class EpisodePath:
-    """One episode, state by state.
+    """The path of one episode.
 
     Attributes:
-        states: states of the scene, from the start to the last.
+        states: states of the scene, from the start to the last one.
         target: the target's state.
-        shortest: least number of actions from the start to the target.
+        shortest: length of a shortest path from the start to the target.
     """
 
     states: Int32[np.ndarray, "path"]
@@ -41,13 +41,13 @@ class EpisodePath:
 
 
 def episode_paths(key: jax.Array, policy: Policy, task: EvaluationTask, cap: int) -> list[EpisodePath]:
-    """One episode in each scene.
+    """Run one episode in each scene.
 
     Args:
         key: source of all randomness.
         policy: the policy, made for this task.
         task: scenes and targets.
-        cap: largest number of steps.
+        cap: number of steps after which an episode is truncated.
 
     Returns:
         One path for each scene.
@@ -66,7 +66,7 @@ def episode_paths(key: jax.Array, policy: Policy, task: EvaluationTask, cap: int
 
 @dataclass(frozen=True)
 class AgentChoice:
-    """Which trained agent acts, on which task.
+    """A trained agent and a task.
 
     Attributes:
         method: the method that trained it.
@@ -88,11 +88,11 @@ def paths_of_agent(
         config: the configuration as run.
         folder: the run folder.
         training: the training scenes.
-        choice: which agent, on which task.
-        episode: number of the episode; another one draws another start, target and actions.
+        choice: the agent and the task.
+        episode: number of the episode, which determines start, target and actions.
 
     Returns:
-        The task, and scenes with their views and the paths in them.
+        The task, and for each scene the scene with its views and the path.
     """
     task = evaluation_task(config, training, choice.task, choice.seed)
     with_views = (unseen_scenes if choice.task == "III" else training_scenes)(config.scenes, config.scene)
@@ -110,7 +110,7 @@ def save_shown_episodes(config: Config, folder: RunFolder, training: EncodedScen
         config: the configuration as run.
         folder: the run folder.
         training: the training scenes.
-        choice: which agent, on which task.
+        choice: the agent and the task.
     """
     task, paths = paths_of_agent(config, folder, training, choice, 0)
     category = {(target.scene, target.state): target.category for target in task.chosen}

@@ -1,4 +1,4 @@
-"""Last stage: every trained agent on one task."""
+"""Last stage: evaluation of all trained agents on one task."""
 
 from collections.abc import Mapping
 from typing import Protocol, runtime_checkable
@@ -27,7 +27,7 @@ from relm_irl_jax.world import scene_offsets
 
 @runtime_checkable
 class DistancePolicy(Policy, Protocol):
-    """A policy with a learned distance that can be shown as a map."""
+    """A policy with a learned distance, which the report can draw as a map."""
 
     def distance_to(self, target: Int32[Array, ""]) -> Float32[Array, "states"]:
         """Learned distance of every state of the world to a target, in steps."""
@@ -35,7 +35,7 @@ class DistancePolicy(Policy, Protocol):
 
 
 def load_policy(config: Config, folder: RunFolder, method: Method, seed: int, task: EvaluationTask) -> Policy:
-    """The trained policy of a method and seed, for a task.
+    """Load the trained policy of a method and seed for a task.
 
     Args:
         config: the configuration as run.
@@ -60,7 +60,7 @@ def load_policy(config: Config, folder: RunFolder, method: Method, seed: int, ta
 
 
 def evaluate_task(config: Config, folder: RunFolder, training: EncodedScenes, task: Task) -> Results:
-    """Evaluate every trained agent of the run on a task, and keep the results and what the report shows of them.
+    """Evaluate all trained agents of the run on a task, and save results and maps.
 
     Args:
         config: the configuration.
@@ -69,7 +69,7 @@ def evaluate_task(config: Config, folder: RunFolder, training: EncodedScenes, ta
         task: `I`, `II` or `III`.
 
     Returns:
-        The results, which are written.
+        The results, which are also saved.
     """
     tasks = [evaluation_task(config, training, task, seed) for seed in range(config.seeds)]
     rows: list[ResultRow] = []
@@ -82,13 +82,15 @@ def evaluate_task(config: Config, folder: RunFolder, training: EncodedScenes, ta
     ]
     with progress_bar(f"evaluating task {task}", len(jobs), "agents") as advance:
         for seed, method in jobs:
-            own = tasks[seed]
-            policy = load_policy(config, folder, method, seed, own)
+            seed_task = tasks[seed]
+            policy = load_policy(config, folder, method, seed, seed_task)
             if seed == 0:
                 shown[method] = policy
             key = jax.random.fold_in(jax.random.key(seed), 1)
-            episodes = evaluate(key, policy, own.world, own.targets, config.tasks.cap, config.evaluation.episodes)
-            for number, scene in enumerate(own.scenes):
+            episodes = evaluate(
+                key, policy, seed_task.world, seed_task.targets, config.tasks.cap, config.evaluation.episodes
+            )
+            for number, scene in enumerate(seed_task.scenes):
                 metrics = compute_metrics(episodes, number)
                 rows.append(
                     ResultRow(

@@ -1,4 +1,4 @@
-"""The one place where the configuration's agent becomes an object."""
+"""Makes the agent that a configuration names; the only code that depends on the name."""
 
 from collections.abc import Sequence
 
@@ -15,7 +15,7 @@ def make_agent(config: Config, method: Method) -> Agent:
 
     Args:
         config: the configuration.
-        method: the method; behaviour cloning has an agent of its own.
+        method: the method; behaviour cloning has a separate agent.
 
     Returns:
         The agent.
@@ -29,18 +29,16 @@ def make_agent(config: Config, method: Method) -> Agent:
 
 
 def check_agent(config: Config, tasks: Sequence[Task]) -> None:
-    """Refuse combinations of agent, methods and tasks that cannot work, before any work is done.
+    """Raise an InputError for combinations of agent, methods and tasks that cannot work.
 
     Args:
         config: the configuration.
         tasks: the tasks to evaluate.
 
     Raises:
-        InputError: names the settings.
+        InputError: the combination cannot work.
     """
     if config.agent != "siamese" and "bc" in config.chosen_methods():
         raise InputError("methods: bc clones the siamese agent's policy; leave it out, or use --agent siamese.")
     if config.agent == "siamese" and config.siamese.heads == "scene" and "III" in tasks:
-        raise InputError(
-            "siamese.heads: scene leaves the unseen scenes of task III without a head; use room_type or shared."
-        )
+        raise InputError("siamese.heads: scene has no head for the unseen scenes of task III; use room_type or shared.")

@@ -1,4 +1,4 @@
-"""Second stage: rewards learned from demonstrations, kept in the run folder with how good they are."""
+"""Second stage: rewards are learned from demonstrations and saved in the run folder with their quality."""
 
 from collections.abc import Sequence
 
@@ -43,7 +43,7 @@ def learn(config: Config, scenes: Sequence[Scene], split: TaskSplit, seed: int) 
 def save_rewards(
     scenes: Sequence[Scene], split: TaskSplit, learned: LearnedRewards, seed: int, folder: RunFolder, *, maps: bool
 ) -> None:
-    """Keep learned rewards in the run folder, how good they are, and maps of them for the first seed.
+    """Save learned rewards and their quality in the run folder, and for the first seed also maps.
 
     Args:
         scenes: encoded training scenes.
@@ -76,8 +76,8 @@ def save_rewards(
         _save_maps(scenes, split, learned, folder)
 
 
-def predictor_of(learned: LearnedRewards, method: Method, scenes: Sequence[Scene]) -> RewardPredictor | None:
-    """The predictor of a method's rewards in the training scenes.
+def make_predictor(learned: LearnedRewards, method: Method, scenes: Sequence[Scene]) -> RewardPredictor | None:
+    """Make the predictor of a method's rewards in the training scenes.
 
     Args:
         learned: the learned rewards.
@@ -95,7 +95,7 @@ def predictor_of(learned: LearnedRewards, method: Method, scenes: Sequence[Scene
 def load_predictor(
     config: Config, folder: RunFolder, method: Method, seed: int, scenes: Sequence[Scene]
 ) -> RewardPredictor | None:
-    """The predictor of a method's rewards in any scenes, from the run folder.
+    """Load the predictor of a method's rewards, for any scenes, from the run folder.
 
     Args:
         config: the configuration as run.
@@ -119,8 +119,8 @@ def load_predictor(
 
 
 def _quality(scenes: Sequence[Scene], split: TaskSplit, learned: LearnedRewards, seed: int) -> list[RewardQualityRow]:
-    """Rank and order of every method's reward, on trained and on new targets."""
-    found: dict[tuple[str, str], list[RewardQuality]] = {
+    """Quality of every method's reward, for trained and for new targets."""
+    by_method: dict[tuple[str, str], list[RewardQuality]] = {
         ("irl", "trained"): [
             reward_quality(
                 scenes[reward.target.scene],
@@ -138,23 +138,23 @@ def _quality(scenes: Sequence[Scene], split: TaskSplit, learned: LearnedRewards,
         predictor = RewardPredictor(scenes, learned.phi, regressor, learned.form)
         for name, targets in groups.items():
             generator = np.random.default_rng([seed, 3])
-            found[method, name] = predicted_reward_quality(scenes, targets, predictor, generator)
+            by_method[method, name] = predicted_reward_quality(scenes, targets, predictor, generator)
     return [
         RewardQualityRow(
             method=method,
             targets=name,  # pyrefly: ignore
-            median_rank=float(np.median([quality.rank for quality in own])),
-            median_rank_share=round(float(np.median([quality.rank / quality.states for quality in own])), 4),
-            mean_order=round(float(np.nanmean([quality.order for quality in own])), 4),
+            median_rank=float(np.median([quality.rank for quality in qualities])),
+            median_rank_share=round(float(np.median([quality.rank / quality.states for quality in qualities])), 4),
+            mean_order=round(float(np.nanmean([quality.order for quality in qualities])), 4),
         )
-        for (method, name), own in found.items()
+        for (method, name), qualities in by_method.items()
     ]
 
 
 def _save_maps(scenes: Sequence[Scene], split: TaskSplit, learned: LearnedRewards, folder: RunFolder) -> None:
-    """Save what every learned reward pays in one room of each type, for a trained and for a new target."""
+    """Save maps of all learned rewards in one room of each type, for a trained and for a new target."""
     demonstrated = {reward.target: reward.solution.w for reward in learned.demonstrated if reward.trained}
-    predictors = {method: predictor_of(learned, method, scenes) for method in PREDICTED}
+    predictors = {method: make_predictor(learned, method, scenes) for method in PREDICTED}
     for room_type, number in first_of_each_type(scenes).items():
         for name, targets in (("trained", split.training), ("new", split.new)):
             target = next(target for target in targets if target.scene == number)
@@ -168,14 +168,14 @@ def _save_maps(scenes: Sequence[Scene], split: TaskSplit, learned: LearnedReward
                 seed=0,
                 target=target.state,
                 category=target.category,
-                values={method: _paid(learned, target, w) for method, w in weights.items()},
+                values={method: _rewards_of_states(learned, target, w) for method, w in weights.items()},
                 start=start,
                 limits=(-float(learned.form.r_max), 0.0 if learned.form.relative else float(learned.form.r_max)),
             )
             save_map(folder.reward_map(name, room_type), state_map)
 
 
-def _paid(learned: LearnedRewards, target: Target, weights: np.ndarray) -> np.ndarray:
-    """Reward of every state of the target's scene, as agents are paid it."""
+def _rewards_of_states(learned: LearnedRewards, target: Target, weights: np.ndarray) -> np.ndarray:
+    """The reward that an agent receives for arriving in each state of the target's scene."""
     phi = learned.phi[target.scene]
     return linear_reward(weights, phi, phi[target.state], np.arange(len(phi)) == target.state, learned.form)

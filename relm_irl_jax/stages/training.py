@@ -1,4 +1,4 @@
-"""Third stage: one agent for each method and seed."""
+"""Third stage: one agent is trained for each method and seed."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ from relm_irl_jax.rewards.predicted import RewardPredictor
 from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.stages.make_agent import make_agent
-from relm_irl_jax.stages.rewards import predictor_of
+from relm_irl_jax.stages.rewards import make_predictor
 from relm_irl_jax.stages.training_log import RunFolderLog
 from relm_irl_jax.stages.worlds import standardised_world, with_predicted_reward
 from relm_irl_jax.tasks import TaskSplit
@@ -31,13 +31,13 @@ from relm_irl_jax.world import build_targets, scene_offsets
 
 @dataclass(frozen=True)
 class SeedInputs:
-    """What the trainings of one seed share.
+    """Inputs that all trainings of one seed share.
 
     Attributes:
         seed: the seed.
         scenes: encoded training scenes.
-        split: the targets of all tasks; training sees no others than `split.training`.
-        learned: the learned rewards; None where no method needs them.
+        split: the targets of all tasks; training uses `split.training` only.
+        learned: the learned rewards; None if no method needs them.
     """
 
     seed: int
@@ -52,24 +52,24 @@ class SeedInputs:
 
 
 def training_problem(config: Config, method: Method, inputs: SeedInputs, agent: Agent) -> TrainingProblem:
-    """What a method asks its agent to learn.
+    """The learning problem of a method.
 
     Args:
         config: the configuration.
         method: the method.
         inputs: scenes, targets and rewards of the seed.
-        agent: the agent, which says what it requires.
+        agent: the agent, which declares what it requires.
 
     Returns:
         The problem.
     """
     scenes, split = inputs.scenes, inputs.split
     targets = build_targets(scenes, split.training)
-    predictor = None if inputs.learned is None else predictor_of(inputs.learned, method, scenes)
+    predictor = None if inputs.learned is None else make_predictor(inputs.learned, method, scenes)
     if config.siamese.observe_reward:
         targets = with_predicted_reward(targets, scenes, split.training, predictor)
-    # The hand-made reward needs no scale: one step more or less changes its return about as much as it changes a
-    # learned reward's scaled return, so that the entropy bonus weighs alike in both.
+    # The hand-made reward needs no scale: an additional step changes its return by about as much as a learned reward's
+    # scaled return, so that the entropy bonus has a similar effect in both.
     learned_scale = config.irl.max_margin.r_max * config.irl.cost_horizon
     return TrainingProblem(
         world=standardised_world(scenes, scenes),
@@ -84,7 +84,7 @@ def training_problem(config: Config, method: Method, inputs: SeedInputs, agent: 
 
 
 def reward_of(config: Config, method: Method, inputs: SeedInputs, predictor: RewardPredictor | None) -> RewardFunction:
-    """The reward that a method trains on.
+    """The reward function of a method.
 
     Args:
         config: the configuration.
@@ -93,7 +93,7 @@ def reward_of(config: Config, method: Method, inputs: SeedInputs, predictor: Rew
         predictor: predicts the method's rewards, if it predicts any.
 
     Returns:
-        The reward function; behaviour cloning ignores it.
+        The reward function; behaviour cloning does not use it.
     """
     if method in ("rl", "bc"):
         return manual_reward(config.manual)
@@ -105,7 +105,7 @@ def reward_of(config: Config, method: Method, inputs: SeedInputs, predictor: Rew
 
 
 def goals_of(config: Config, method: Method, inputs: SeedInputs, predictor: RewardPredictor | None) -> Goals:
-    """States that serve as targets after the fact under a method's reward.
+    """The goals of hindsight relabelling under a method's reward.
 
     Args:
         config: the configuration.
@@ -130,21 +130,21 @@ def goals_of(config: Config, method: Method, inputs: SeedInputs, predictor: Rewa
 
 
 def demonstrations_of(config: Config, inputs: SeedInputs) -> Demonstrations:
-    """The demonstrations that inverse reinforcement learning receives, as decisions to imitate.
+    """The demonstrations of inverse reinforcement learning, as decisions to imitate.
 
     Args:
         config: the configuration.
         inputs: scenes and targets of the seed.
 
     Returns:
-        The decisions along all demonstrations of the training targets.
+        The decisions of all demonstrations of the training targets.
     """
     demonstrated = demonstrate_targets(inputs.scenes, inputs.split, config.irl, inputs.seed)
     offsets = scene_offsets(inputs.scenes)
     state, target, action, step = [], [], [], []
-    for row, (chosen, trajectories) in enumerate(zip(inputs.split.training, demonstrated, strict=True)):
+    for row, (training_target, trajectories) in enumerate(zip(inputs.split.training, demonstrated, strict=True)):
         for trajectory in trajectories:
-            state.append(offsets[chosen.scene] + trajectory.states[:-1])
+            state.append(offsets[training_target.scene] + trajectory.states[:-1])
             action.append(trajectory.actions)
             target.append(np.full(len(trajectory.actions), row))
             step.append(np.arange(len(trajectory.actions)))
@@ -153,9 +153,9 @@ def demonstrations_of(config: Config, inputs: SeedInputs) -> Demonstrations:
 
 
 def train_method(config: Config, method: Method, inputs: SeedInputs, folder: RunFolder) -> None:
-    """Train one method and keep its network and its learning curve; an interrupted training is continued.
+    """Train one method, and save its network and learning curve; an interrupted training continues.
 
-    All methods of a seed begin with the same parameters and random numbers, so that they differ by reward alone.
+    All methods of a seed start with the same parameters and random numbers, so that they differ in their rewards only.
 
     Args:
         config: the configuration.
@@ -171,7 +171,7 @@ def train_method(config: Config, method: Method, inputs: SeedInputs, folder: Run
     ):
         parameters, curve = agent.train(jax.random.key(inputs.seed), problem, log)
         _save(folder, method, inputs.seed, parameters, curve)
-        log.forget()
+        log.remove_checkpoints()
 
 
 def trains_jointly(config: Config, method: Method) -> bool:
@@ -182,25 +182,25 @@ def trains_jointly(config: Config, method: Method) -> bool:
         method: the method.
 
     Returns:
-        Whether they do.
+        Whether the seeds train in one program.
     """
     agent = make_agent(config, method)
     return config.seeds > 1 and isinstance(agent, MultiSeedAgent) and agent.prefers_joint_training()
 
 
 def train_jointly(config: Config, method: Method, inputs: Sequence[SeedInputs], folder: RunFolder) -> None:
-    """Train one method with several seeds in one program, with the results of `train_method`.
+    """Train one method with several seeds in one program; the results are those of `train_method`.
 
     Args:
         config: the configuration.
         method: the method.
         inputs: scenes, targets and rewards of each seed.
-        folder: the run folder. The progress of all is kept under the first seed until they are done.
+        folder: the run folder. The progress of all seeds is logged under the first seed.
     """
     agent = make_agent(config, method)
     assert isinstance(agent, MultiSeedAgent)
-    seeds = [own.seed for own in inputs]
-    problems = [training_problem(config, method, own, agent) for own in inputs]
+    seeds = [each.seed for each in inputs]
+    problems = [training_problem(config, method, each, agent) for each in inputs]
     title = f"training {method}, seeds {', '.join(map(str, seeds))}"
     with (
         progress_bar(title, config.frames, "frames") as advance,
@@ -209,10 +209,10 @@ def train_jointly(config: Config, method: Method, inputs: Sequence[SeedInputs], 
         trained = agent.train_jointly([jax.random.key(seed) for seed in seeds], problems, log)
         for seed, (parameters, curve) in zip(seeds, trained, strict=True):
             _save(folder, method, seed, parameters, curve)
-        log.forget()
+        log.remove_checkpoints()
 
 
 def _save(folder: RunFolder, method: Method, seed: int, parameters: Parameters, curve: Any) -> None:
-    """Keep a learning curve and a network, in this order: the network marks the training as done."""
+    """Save a learning curve, then a network: the existence of the network's file marks the training as finished."""
     write_table(folder.curve(method, seed), {f.name: getattr(curve, f.name) for f in dataclasses.fields(curve)})
     save_parameters(folder.agent(method, seed), parameters)

@@ -1,4 +1,4 @@
-"""The log of a training in a run folder: progress bar, TensorBoard's scalars, checkpoints."""
+"""The log of a training in a run folder: progress bar, TensorBoard files, checkpoints."""
 
 import math
 import sys
@@ -20,21 +20,21 @@ from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.types import Row, State, TrainingLog
 
 FLUSH_SECONDS = 10
-"""TensorBoard's scalars are on disk after this many seconds."""
+"""Seconds after which TensorBoard's scalars are written to disk."""
 
 
 class RunFolderLog(TrainingLog):
-    """Keeps the progress of one training in a run folder; to be used in a `with` statement.
+    """Saves the progress of one training in a run folder; a context manager.
 
-    Several processes that train together keep no checkpoints, since their folders need not be shared; the first of
-    them alone writes TensorBoard's scalars.
+    Processes that train together save no checkpoints, since their folders need not be shared. Only the first of them
+    writes TensorBoard files.
 
     Args:
         folder: the run folder.
         config: the configuration as run.
-        method: the method trained.
-        seed: the seed trained.
-        advance: takes the number of frames done since its last call.
+        method: the method.
+        seed: the seed.
+        advance: called with the number of frames since its last call.
     """
 
     def __init__(self, folder: RunFolder, config: Config, method: str, seed: int, advance: Callable[[int], None]):
@@ -58,16 +58,16 @@ class RunFolderLog(TrainingLog):
         self._closing.close()
 
     def resume(self, state: State) -> tuple[State, list[Row]]:
-        """Go on from the last checkpoint; from the start, after a sentence on why, where it cannot be used."""
+        """Continue from the last checkpoint; if it cannot be used, print the reason and start again."""
         rows: list[Row] = []
         if self._checkpoints is not None:
             try:
                 state, rows = self._checkpoints.restore(state) or (state, rows)
             except InputError as error:
-                console.print(f"{error} This training starts again.", highlight=False, soft_wrap=True)
+                console.print(f"{error} The training starts again.", highlight=False, soft_wrap=True)
                 self._checkpoints.remove()
         if self._board is not None:
-            # Written from the first row on again: what was lost with an earlier attempt is made up for.
+            # All rows are written again, since rows after the last checkpoint are no longer valid.
             rmtree(self._board, ignore_errors=True)
             self._writer = _summary_writer()(str(self._board), flush_secs=FLUSH_SECONDS)
             self._closing.callback(self._writer.close)
@@ -78,7 +78,7 @@ class RunFolderLog(TrainingLog):
         return state, rows
 
     def add(self, state: State, rows: list[Row]) -> None:
-        """Move the bar, write the last row, and keep the state where the last checkpoint is old enough."""
+        """Move the progress bar, write the last row, and save a checkpoint if the last one is old enough."""
         self._move_bar(rows)
         if self._writer is not None:
             self._write(rows[-1])
@@ -87,8 +87,8 @@ class RunFolderLog(TrainingLog):
             self._checkpoints.save(state, rows)
             self._saved_at = now
 
-    def forget(self) -> None:
-        """Remove the checkpoints; to be called once the result of the training is kept."""
+    def remove_checkpoints(self) -> None:
+        """Remove the checkpoints; to be called when the result of the training is saved."""
         if self._checkpoints is not None:
             self._checkpoints.remove()
 
@@ -103,9 +103,10 @@ class RunFolderLog(TrainingLog):
 
 
 def _summary_writer() -> Any:
-    """The class of tensorboardX, which only trainings need.
+    """Import tensorboardX's writer, which only trainings need.
 
-    Where torch is installed, tensorboardX imports it for seconds, and not for scalars: it is hidden meanwhile.
+    tensorboardX imports torch if it is installed, which takes seconds and is not needed for scalars. Torch is therefore
+    hidden during the import.
     """
     hidden = "torch" not in sys.modules
     if hidden:

@@ -1,4 +1,4 @@
-"""Scenes and targets as arrays for agents, in training and in evaluation."""
+"""Scenes and targets as device arrays, for training and evaluation."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -16,7 +16,7 @@ from relm_irl_jax.world import Targets, World, build_targets, build_world
 
 
 def standardised_world(scenes: Sequence[Scene], training: Sequence[Scene]) -> World:
-    """The world of scenes, their features standardised by the training scenes' mean and standard deviation.
+    """Build a world whose features are standardised by the training scenes' mean and standard deviation.
 
     Args:
         scenes: encoded scenes.
@@ -35,13 +35,13 @@ def standardised_world(scenes: Sequence[Scene], training: Sequence[Scene]) -> Wo
 def with_predicted_reward(
     targets: Targets, scenes: Sequence[Scene], chosen: Sequence[Target], predictor: RewardPredictor | None
 ) -> Targets:
-    """Targets with the predicted reward of every state, for agents that observe it.
+    """Add the predicted reward of every state to targets, for agents that observe it.
 
     Args:
         targets: the targets.
         scenes: encoded scenes of the world.
         chosen: the same targets, as drawn.
-        predictor: predicts the method's rewards in these scenes; None for methods that predict none, whose agents
+        predictor: predicts the method's rewards in these scenes; None for methods without predictions, whose agents
             observe 0.
 
     Returns:
@@ -64,7 +64,7 @@ class EvaluationTask:
         scenes: the scenes that have a target, without their views.
         world: the same scenes as arrays.
         targets: the targets.
-        chosen: the same targets as drawn; `Target.scene` numbers `scenes`.
+        chosen: the same targets as drawn; `Target.scene` is an index into `scenes`.
     """
 
     name: str
@@ -76,7 +76,7 @@ class EvaluationTask:
 
 
 def evaluation_task(config: Config, training: EncodedScenes, task: str, seed: int) -> EvaluationTask:
-    """A task as one seed drew it.
+    """The scenes and targets of a task for one seed.
 
     Args:
         config: the configuration.
@@ -85,10 +85,10 @@ def evaluation_task(config: Config, training: EncodedScenes, task: str, seed: in
         seed: the run's seed.
 
     Returns:
-        Scenes and targets. Unseen scenes that show no object of a trained category are left out.
+        The scenes and targets. Unseen scenes that show no object of a trained category are left out.
 
     Raises:
-        InputError: no unseen scene shows one.
+        InputError: no unseen scene shows an object of a trained category.
     """
     unseen = encode_unseen(config, training) if task == "III" else []
     scenes = unseen if task == "III" else training.scenes

@@ -1,1 +1,1 @@
-"""Studies of several runs: the paper's tables on all tasks, and what its open choices change."""
+"""Studies of several runs: the paper's tables on all tasks, and ablations."""

@@ -1,4 +1,4 @@
-"""What one changed setting changes: a base, named variants of it, and a table of both on the same seeds."""
+"""Ablations: a base configuration, named variants of it, and tables of their differences on the same seeds."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -20,7 +20,7 @@ from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.studies.study import complete_run, complete_runs, is_finished
 
 BASE = "base"
-"""Name of the runs that variants are compared with."""
+"""Name of the runs with which variants are compared."""
 
 METRICS = ("sr", "spl")
 
@@ -30,13 +30,13 @@ BySeed = dict[tuple[str, str], dict[int, float]]
 
 @settings_dataclass(frozen=True)
 class Variant:
-    """One change.
+    """A variant of the base.
 
     Attributes:
-        title: what is changed, for the table.
+        title: description of the change, for the table.
         set: the fields to change.
-        agents: agents with which it is measured.
-        quick: whether the quick run measures it.
+        agents: agents with which the variant is run.
+        quick: whether the quick study includes the variant.
     """
 
     title: str
@@ -51,9 +51,9 @@ class Ablation:
 
     Attributes:
         base: fields of the base that differ from the defaults.
-        variants: changes by name.
+        variants: the variants by name.
         agents: further fields of the base for each agent, such as its frames.
-        method: the method that is measured.
+        method: the method whose metrics are compared.
         tasks: the tasks that are evaluated.
     """
 
@@ -71,11 +71,11 @@ class AblationRow:
     Attributes:
         agent: the agent.
         name: name of the variant, or `BASE`.
-        title: what is changed.
+        title: description of the change.
         seeds: number of seeds.
-        frames: training frames of each.
+        frames: training frames of each seed.
         value: mean and interval of each task and metric.
-        change: the same, minus the base on the same seeds; empty for the base.
+        change: paired difference from the base on the same seeds; empty for the base.
         rank: mean and interval of the median rank of a new target among its scene's states, by predicted reward.
     """
 
@@ -90,13 +90,13 @@ class AblationRow:
 
 
 def load_ablation(path: Path) -> Ablation:
-    """Read a base and its variants.
+    """Read an ablation.
 
     Args:
         path: a TOML file.
 
     Returns:
-        The ablation, every variant of it checked against the configuration's fields.
+        The ablation; all variants are checked.
 
     Raises:
         InputError: the file cannot be read, or a field in it is unknown or refused.
@@ -118,7 +118,7 @@ def variant_config(ablation: Ablation, name: str, agent: AgentName, changes: Map
         ablation: base and variants.
         name: name of the variant, or `BASE`.
         agent: the agent.
-        changes: fields laid over the base before the variant, such as those of the quick run.
+        changes: changes of the base that are applied before the variant, such as those of the quick study.
         folder: folder of all runs of the ablation.
 
     Returns:
@@ -128,7 +128,7 @@ def variant_config(ablation: Ablation, name: str, agent: AgentName, changes: Map
         InputError: there is no such variant, or it sets a field that is unknown or refused.
     """
     if name != BASE and name not in ablation.variants:
-        raise InputError(f"variants: there is no {name}; known are {', '.join(ablation.variants)}.")
+        raise InputError(f"variants: there is no {name}; known variants: {', '.join(ablation.variants)}.")
     config = overlay(Config(), ablation.base, "base")
     config = overlay(config, ablation.agents.get(agent, {}), f"agents.{agent}")
     config = overlay(config, changes, "changes of the base")
@@ -138,12 +138,12 @@ def variant_config(ablation: Ablation, name: str, agent: AgentName, changes: Map
 
 
 def run_ablation(ablation: Ablation, names: Sequence[str], changes: Mapping[str, Any], folder: Path) -> None:
-    """Run variants and the base of each agent that they are measured with; what is finished is kept.
+    """Run variants and the base for each of their agents; finished runs are not repeated.
 
     Args:
         ablation: base and variants.
         names: variants to run.
-        changes: fields laid over the base before each variant.
+        changes: changes of the base that are applied before each variant.
         folder: folder of all runs of the ablation.
     """
     variants = [(name, agent) for name in names for agent in ablation.variants[name].agents]
@@ -153,11 +153,11 @@ def run_ablation(ablation: Ablation, names: Sequence[str], changes: Mapping[str,
 
 
 def ablation_rows(ablation: Ablation, changes: Mapping[str, Any], folder: Path) -> list[AblationRow]:
-    """The rows of the table whose runs are finished.
+    """The rows of all finished runs.
 
     Args:
         ablation: base and variants.
-        changes: fields laid over the base before each variant.
+        changes: changes of the base that are applied before each variant.
         folder: folder of all runs of the ablation.
 
     Returns:
@@ -172,14 +172,18 @@ def ablation_rows(ablation: Ablation, changes: Mapping[str, Any], folder: Path) 
                 continue
             run = RunFolder(folder / f"{agent}-{name}")
             results = load_all_results(run)
-            own: BySeed = {
-                (t, m): by_seed(results[t].rows, ablation.method, m, MEAN) for t in ablation.tasks for m in METRICS
+            values_by_seed: BySeed = {
+                (task, metric): by_seed(results[task].rows, ablation.method, metric, MEAN)
+                for task in ablation.tasks
+                for metric in METRICS
             }
             if name == BASE:
-                base = own
+                base = values_by_seed
             title = "base" if name == BASE else ablation.variants[name].title
-            value = {key: mean_interval(list(seeds.values())) for key, seeds in own.items()}
-            change = {key: paired_difference(seeds, base[key])[0] for key, seeds in own.items() if name != BASE}
+            value = {key: mean_interval(list(seeds.values())) for key, seeds in values_by_seed.items()}
+            change = {
+                key: paired_difference(seeds, base[key])[0] for key, seeds in values_by_seed.items() if name != BASE
+            }
             rank = mean_interval([_rank_of_new_targets(run, seed) for seed in range(config.seeds)])
             rows.append(
                 AblationRow(
@@ -197,7 +201,7 @@ def ablation_rows(ablation: Ablation, changes: Mapping[str, Any], folder: Path) 
 
 
 def _rank_of_new_targets(run: RunFolder, seed: int) -> float:
-    """Median rank of new targets under our predicted rewards; NaN where it was not measured."""
+    """Median rank of new targets under RELM-IRL's predicted rewards; NaN if it was not measured."""
     quality = load_reward_quality(run.rewards(seed, "quality.csv"))
     return next((row.median_rank for row in quality if (row.method, row.targets) == (OURS, "new")), float("nan"))
 
@@ -211,11 +215,11 @@ def ablation_columns(rows: Sequence[AblationRow]) -> dict[str, list]:
     Returns:
         Columns for `write_table`; the base's change is NaN.
     """
-    nothing = MeanInterval(float("nan"), float("nan"))
+    undefined = MeanInterval(float("nan"), float("nan"))
     table = []
     for row in rows:
         for (task, metric), value in row.value.items():
-            intervals = (value, row.change.get((task, metric), nothing), row.rank)
+            intervals = (value, row.change.get((task, metric), undefined), row.rank)
             numbers = [number for interval in intervals for number in (interval.mean, interval.half_width)]
             table.append((row.agent, row.name, task, metric, *numbers, row.seeds, row.frames))
     names = (

@@ -1,4 +1,4 @@
-"""The page of the whole study: tables and figures of all runs, the regressor's figures, and the ablations."""
+"""The report of a study: tables and figures of all runs, the regressor's figures, and the ablation."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -25,16 +25,16 @@ CLAIM = (
 
 RUN_TITLES = {
     "siamese": "The paper's agent: the siamese actor-critic",
-    "metric": "The metric agent: distances between views, not the paper's",
-    "metric-open": "The metric agent, open: targets kept for evaluation may be its goals, too",
-    "metric-no-hindsight": "The metric agent without hindsight: only predicted rewards imagine targets",
+    "metric": "The metric agent: distances between views (not in the paper)",
+    "metric-open": "The metric agent, open: evaluation targets may also be goals",
+    "metric-no-hindsight": "The metric agent without hindsight: only methods that predict rewards have further goals",
     "vizdoom": "The metric agent in scenes recorded from ViZDoom",
 }
-"""Runs of a study on all tasks, by the names of their folders."""
+"""Titles of a study's runs, by the names of their folders."""
 
 
 def write_study(out: Path, ablation: Sequence[AblationRow], irl_methods: Sequence[AblationRow] = ()) -> Path:
-    """Write `report.html` and `report.md` of a study from the runs that its folder holds.
+    """Write `report.html` and `report.md` of a study from the runs in its folder.
 
     Args:
         out: folder of the study.
@@ -49,7 +49,7 @@ def write_study(out: Path, ablation: Sequence[AblationRow], irl_methods: Sequenc
     for name, folder in runs.items():
         text += _readable(_findings, folder, RUN_TITLES[name])
     text += [
-        "These sentences are worded by the intervals alone: *ahead of* and *behind* where the 95% interval of the "
+        "These sentences depend on the intervals only: *ahead of* and *behind* mean that the 95% interval of the "
         "difference over seeds excludes zero. Seeds are 0, 1, …; none is left out.",
         "",
     ]
@@ -58,14 +58,14 @@ def write_study(out: Path, ablation: Sequence[AblationRow], irl_methods: Sequenc
         text += [f"## {RUN_TITLES[name]}", "", *_readable(sections, folder, out, "###")]
     text += [*_readable(_regressor, out), *_ablation(out, ablation), *_irl_methods(out, irl_methods)]
     text += _readable(_stability, out)
-    text += ["Rewards that runs share are learned once; their seconds are counted in the run that learned them.", ""]
+    text += ["Runs share learned rewards; the time to learn them is counted in the first run only.", ""]
     for name, folder in runs.items():
-        text += [f"## Circumstances: {RUN_TITLES[name]}", "", *_readable(circumstances, folder, "###")]
+        text += [f"## Hardware and configuration: {RUN_TITLES[name]}", "", *_readable(circumstances, folder, "###")]
     return write_page(text, out)
 
 
 def _readable(section: Callable[P, list[str]], *arguments: P.args, **named: P.kwargs) -> list[str]:
-    """A section of the page; one line where what it shows is missing or damaged."""
+    """A section of the report; one line if its data is missing or damaged."""
     try:
         return section(*arguments, **named)
     except InputError as error:
@@ -73,26 +73,26 @@ def _readable(section: Callable[P, list[str]], *arguments: P.args, **named: P.kw
 
 
 def _findings(folder: RunFolder, title: str) -> list[str]:
-    """What the intervals of a run say."""
-    found = differences(load_all_results(folder))
-    return [f"**{title}.** {tally(found)}", "", *(f"- {line}" for line in statement(found)), ""]
+    """The paired differences of a run, in words."""
+    paired = differences(load_all_results(folder))
+    return [f"**{title}.** {tally(paired)}", "", *(f"- {line}" for line in statement(paired)), ""]
 
 
-def tally(found: Sequence[PairedDifference]) -> str:
-    """Count what the differences say.
+def tally(paired: Sequence[PairedDifference]) -> str:
+    """Count the significant differences.
 
     Args:
-        found: the differences.
+        paired: the differences.
 
     Returns:
         One sentence; empty without differences.
     """
-    if not found:
+    if not paired:
         return ""
-    ahead, behind = (sum(d.verdict == verdict for d in found) for verdict in ("ahead of", "behind"))
+    ahead, behind = (sum(d.verdict == verdict for d in paired) for verdict in ("ahead of", "behind"))
     return (
-        f"Of {len(found)} comparisons of RELM-IRL with other methods (SR and SPL of each task, {found[0].seeds} "
-        f"seeds), it is ahead in {ahead}, behind in {behind}, and {len(found) - ahead - behind} are not decided."
+        f"Of {len(paired)} comparisons of RELM-IRL with other methods (SR and SPL of each task, {paired[0].seeds} "
+        f"seeds), it is ahead in {ahead}, behind in {behind}, and {len(paired) - ahead - behind} are not decided."
     )
 
 
@@ -106,7 +106,7 @@ def _regressor(out: Path) -> list[str]:
     return [
         "## What the extreme learning machine learns (Figures 7 to 10)",
         "",
-        f"One target in six is held out with all its pairs; at most {elm.pairs} pairs are fitted, "
+        f"One target in six is held out with all its pairs; at most {elm.pairs} pairs are fitted, with "
         f"{elm.hidden} neurons before selection; {len(accuracy['seed'])} seeds. The paper neither says "
         "how its test set was drawn nor defines its accuracy; R² is 1 for a perfect prediction.",
         "",
@@ -120,7 +120,7 @@ def _regressor(out: Path) -> list[str]:
         "",
         "![Leave-one-out error](elm/figure-9.png)",
         "",
-        "*Leave-one-out error against neurons, one curve a seed, minima marked (Figure 9; the paper's lies at 593)*",
+        "*Leave-one-out error against neurons, one curve for each seed, minima marked (Figure 9; 593 in the paper)*",
         "",
         "| Seed | R², all neurons | R², regularised | Neurons kept |",
         "|---|---:|---:|---:|",
@@ -129,10 +129,10 @@ def _regressor(out: Path) -> list[str]:
             for seed, plain, regularised, kept in zip(*accuracy.values(), strict=True)
         ),
         "",
-        "Pairs of one target have the same weights, so that leaving out one pair at a time, as in the paper, does not "
-        "say what a regressor is worth for new targets; leaving out all pairs of a target does.",
+        "Pairs of one target have the same weights. Leaving out one pair at a time, as in the paper, does not estimate "
+        "the error for new targets; leaving out all pairs of a target does.",
         "",
-        "| Chosen by | R² on held-out targets | Neurons kept |",
+        "| Selection | R² on held-out targets | Neurons kept |",
         "|---|---:|---:|",
         *_choices(out / "elm" / "choices.csv"),
         "",
@@ -140,7 +140,7 @@ def _regressor(out: Path) -> list[str]:
 
 
 def _choices(path: Path) -> list[str]:
-    """What several ways to choose neurons are worth, as rows of a table."""
+    """Accuracy of several methods to select neurons, as rows of a table."""
     columns = ["accuracy", "accuracy_half_width", "kept", "kept_half_width"]
     rows = zip(*(column.tolist() for column in read_numbers(path, columns).values()), strict=True)
     return [
@@ -150,57 +150,60 @@ def _choices(path: Path) -> list[str]:
 
 
 def _ablation(out: Path, rows: Sequence[AblationRow]) -> list[str]:
-    """What changes where one setting is changed."""
+    """The ablation: changes of metrics if one setting is changed."""
     if not rows:
         return []
     write_table(out / "tables" / "ablation.csv", ablation_columns(rows))
-    text = [
+    return [
         "## What the paper leaves open",
         "",
         "RELM-IRL with one setting changed, and fewer frames and episodes than in the tables above. Changes are paired "
-        "with the base on the same seeds, ± half of the 95% interval (Student's t), each on its own; bold where it "
-        "excludes zero, which one in twenty does by chance. Rank: where the reward predicted from the views of start "
-        "and target places a new target among the states of its scene, in the median over targets; 1 is best.",
+        "with the base on the same seeds, ± half of the 95% interval (Student's t, without correction for multiple "
+        "comparisons); bold if the interval excludes zero, which happens for one in twenty by chance. Rank: rank of a "
+        "new target by predicted reward among the states of its scene, median over targets; 1 is best.",
         "",
+        *_tables_by_agent(rows),
     ]
-    for agent in dict.fromkeys(row.agent for row in rows):
-        own = [row for row in rows if row.agent == agent]
-        text += [f"### {RUN_TITLES[agent]}", "", f"{own[0].frames:,} training frames, {own[0].seeds} seeds.", ""]
-        text += [ablation_table(own, "sr"), "", ablation_table(own, "spl"), ""]
-    return text
 
 
 def _irl_methods(out: Path, rows: Sequence[AblationRow]) -> list[str]:
-    """What agents achieve on the rewards of other methods of inverse reinforcement learning."""
+    """Metrics of agents with the rewards of other methods of inverse reinforcement learning."""
     if not rows:
         return []
     write_table(out / "tables" / "irl-methods.csv", ablation_columns(rows))
-    text = [
+    return [
         "## Rewards of other methods of inverse reinforcement learning",
         "",
-        "IRL, the rewards of the demonstrated targets alone; the base is the maximum-margin program. Changes are "
-        "paired with it on the same seeds and demonstrations, ± half of the 95% interval (Student's t); bold where it "
-        "excludes zero.",
+        "IRL, with rewards for the demonstrated targets only; the base is the maximum-margin program. Changes are "
+        "paired with the base on the same seeds and demonstrations, ± half of the 95% interval (Student's t); bold if "
+        "the interval excludes zero.",
         "",
+        *_tables_by_agent(rows),
     ]
+
+
+def _tables_by_agent(rows: Sequence[AblationRow]) -> list[str]:
+    """A section for each agent with tables of SR and SPL."""
+    text = []
     for agent in dict.fromkeys(row.agent for row in rows):
-        own = [row for row in rows if row.agent == agent]
-        text += [f"### {RUN_TITLES[agent]}", "", f"{own[0].frames:,} training frames, {own[0].seeds} seeds.", ""]
-        text += [ablation_table(own, "sr"), "", ablation_table(own, "spl"), ""]
+        of_agent = [row for row in rows if row.agent == agent]
+        frames, seeds = of_agent[0].frames, of_agent[0].seeds
+        text += [f"### {RUN_TITLES[agent]}", "", f"{frames:,} training frames, {seeds} seeds.", ""]
+        text += [ablation_table(of_agent, "sr"), "", ablation_table(of_agent, "spl"), ""]
     return text
 
 
 def _stability(out: Path) -> list[str]:
-    """How far reward weights move."""
+    """The stability of reward weights."""
     if not (out / "stability" / "stability.csv").exists():
         return []
     table = read_table(out / "stability" / "stability.csv")
     columns = list(table)
     return [
-        "## How far reward weights jump",
+        "## Stability of reward weights",
         "",
-        "Relative movement of w over single trajectories in one room, when the start moves one step and when every "
-        "margin moves by a thousandth, and the share of the linear program's objective that is kept.",
+        "Relative change of w for single trajectories in one room, if the start moves by one step and if every margin "
+        "changes by a thousandth, and the share of the linear program's objective that the solutions reach.",
         "",
         "| " + " | ".join(name.replace("_", " ") for name in columns) + " |",
         "|---|---|" + "---:|" * (len(columns) - 2),

@@ -1,12 +1,13 @@
-"""Runs of a study: each on all three tasks and kept where it is finished, one after the other or side by side.
+"""Runs of a study: each run covers all three tasks, and finished runs are not repeated.
 
-Runs go through `joblib.Parallel`, by default one after the other in this process. Its context sends them elsewhere:
+Runs are executed by `joblib.Parallel`, by default one after the other in this process. joblib's context can select
+other workers:
 
     with joblib.parallel_config(backend="loky", n_jobs=4):   # or "dask", "ray", ...
         complete_runs(configs, complete_run)
 
-Runs that follow each other in one process share encoded scenes and learned rewards as far as their configurations
-agree; other processes learn them again. A run writes to its own folder alone, which all processes must see.
+Runs in the same process share encoded scenes and learned rewards if their configurations agree; other processes compute
+them again. A run only writes to its own folder, which must be visible to all processes.
 """
 
 from collections.abc import Callable, Sequence
@@ -40,11 +41,11 @@ Run = TypeVar("Run")
 
 
 def load_preset(path: Path, overlays: Sequence[Path] = ()) -> Config:
-    """Read a configuration, and lay others over it.
+    """Read a configuration, and apply changes from other files.
 
     Args:
-        path: the first file.
-        overlays: files whose fields replace those before.
+        path: the configuration.
+        overlays: files with changes, which are applied in order.
 
     Returns:
         The configuration.
@@ -53,70 +54,66 @@ def load_preset(path: Path, overlays: Sequence[Path] = ()) -> Config:
         InputError: a file cannot be read, or a field in it is unknown or refused.
     """
     config = load_config(path)
-    for over in overlays:
-        config = overlay(config, read_fields(over), str(over))
+    for changes in overlays:
+        config = overlay(config, read_fields(changes), str(changes))
     return config
 
 
 def complete_runs(runs: Sequence[Run], complete: Callable[[Run], object]) -> None:
-    """Complete runs as joblib's context says, by default one after the other in this process.
+    """Complete runs in joblib's workers, by default one after the other in this process.
 
     Args:
         runs: the runs, such as their configurations.
-        complete: completes one, such as `complete_run`.
+        complete: function that completes a run, such as `complete_run`.
     """
     Parallel()(delayed(complete)(run) for run in runs)
 
 
 def complete_run(config: Config, *, tasks: Sequence[Task] = TASKS, maps: bool = True) -> None:
-    """Train and evaluate on all tasks what the run folder does not hold yet, and write its report.
+    """Train missing agents, evaluate all agents on the tasks, and write the run's report.
 
     Args:
         config: the configuration; `run` names the folder.
+        tasks: the tasks that are evaluated.
         maps: whether to save maps of episodes and rewards.
     """
     if is_finished(config, tasks):
-        console.print(f"{config.run}: is finished", highlight=False)
+        console.print(f"{config.run}: finished", highlight=False)
         return
     console.print(f"{config.run}", highlight=False)
     run(config, tasks, _encoded(_only(config, SCENE_FIELDS)), learn_shared, maps=maps)
 
 
 def learn_shared(config: Config, scenes: Sequence[Scene], split: TaskSplit, seed: int) -> LearnedRewards:
-    """Learn rewards as `learn` does, once for all runs of this process that share them.
+    """Learn rewards like `learn`, but only once for all runs of this process that share them.
 
     Args:
         config: the configuration.
-        scenes: encoded training scenes, as the configuration gives them.
-        split: the targets of all tasks, drawn from the configuration and the seed.
+        scenes: encoded training scenes; ignored, since they follow from the configuration.
+        split: the targets of all tasks; ignored, since they follow from the configuration and the seed.
         seed: the run's seed.
 
     Returns:
         The learned rewards.
     """
-    del scenes, split  # they follow from the rest
+    del scenes, split
     fitted = replace(_only(config, PREDICTION_FIELDS), elm=replace(config.elm, predict_from="start"))
     demonstrated = _demonstrated(_only(config, DEMONSTRATION_FIELDS), seed)
     return replace(demonstrated, regressors=_regressors(fitted, seed))
 
 
-def forget_shared() -> None:
-    """Forget scenes and rewards of earlier runs."""
-    for cached in (_encoded, _demonstrated, _regressors):
-        cached.cache_clear()
-
-
 def is_finished(config: Config, tasks: Sequence[Task] = TASKS) -> bool:
-    """Whether a run folder holds all results of a configuration, in the settings that it asks for.
+    """Whether a run folder contains all results of a configuration.
 
     Args:
         config: the configuration; `run` names the folder.
+        tasks: the tasks that must be evaluated.
 
     Returns:
-        True where nothing is left to do.
+        True if nothing is left to do.
     """
     if config.run is None:
-        raise InputError("run: a study needs the folder of each of its runs; give one.")
+        raise InputError("run: the runs of a study need a run folder; give one.")
     folder = RunFolder(config.run)
     if not folder.config.exists() or not (folder.path / "report.html").exists():
         return False
@@ -126,10 +123,10 @@ def is_finished(config: Config, tasks: Sequence[Task] = TASKS) -> bool:
         results = load_all_results(folder)
     except InputError:
         return False
-    asked = {(method, seed) for method in config.chosen_methods() for seed in range(config.seeds)}
+    required = {(method, seed) for method in config.chosen_methods() for seed in range(config.seeds)}
     episodes = config.evaluation.episodes
     measured = [{(row.method, row.seed) for row in r.rows if row.episodes == episodes} for r in results.values()]
-    return set(results) >= set(tasks) and all(asked <= found for found in measured)
+    return set(results) >= set(tasks) and all(required <= of_task for of_task in measured)
 
 
 def _compared(config: Config) -> dict:
@@ -138,7 +135,7 @@ def _compared(config: Config) -> dict:
 
 
 def _only(config: Config, fields: Sequence[str]) -> Config:
-    """The defaults but for some fields, so that configurations which share these are equal."""
+    """The default configuration with some fields of another one, as a key of the caches."""
     return replace(Config(), **{name: getattr(config, name) for name in fields})
 
 

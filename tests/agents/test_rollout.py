@@ -8,7 +8,7 @@ import numpy as np
 from tiny import SMALL, problem
 
 from relm_irl_jax.agents.rollout import rollout, sample_action
-from relm_irl_jax.agents.siamese.training import prepare
+from relm_irl_jax.agents.siamese.training import prepare_training
 from relm_irl_jax.agents.siamese.update import initial_memory, observe_views
 
 
@@ -21,7 +21,7 @@ def test_actions_are_drawn_from_the_softmax():
 def test_rollout_counts_every_episode_and_redraws_start_and_target():
     """Of an indifferent agent that observes three views."""
     settings = dataclasses.replace(SMALL, workers=64, history=3)
-    state, inputs, _ = prepare(jax.random.key(0), problem(cap=30), settings)
+    state, inputs, _ = prepare_training(jax.random.key(0), problem(cap=30), settings)
     task, memory = inputs.task, initial_memory(inputs.task.target_range.first.shape, 3)
 
     def act(key, memory, observation, target):

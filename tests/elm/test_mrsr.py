@@ -127,7 +127,7 @@ def test_dropping_rows_of_settled_columns_changes_nothing(rng, monkeypatch):
     H[:, 20] = H[:, 40]
     H[:, 7] = 1.0
     whole = mrsr_path(H, T)
-    monkeypatch.setattr(importlib.import_module("relm_irl_jax.elm.mrsr"), "LARGE", 40)
+    monkeypatch.setattr(importlib.import_module("relm_irl_jax.elm.mrsr"), "MIN_ROWS_TO_DROP", 40)
     dropped = mrsr_path(H, T)
     assert dropped.order.tolist() == whole.order.tolist()
     assert dropped.dependent.tolist() == whole.dependent.tolist()

@@ -19,7 +19,14 @@ from rich.console import Console
 from relm_irl_jax.config import Config
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.play import keyboard
-from relm_irl_jax.play.keyboard import any_task, draw_episode, half_blocks, play_in_terminal, split_keys, steps_by_keys
+from relm_irl_jax.play.keyboard import (
+    draw_episode,
+    half_blocks,
+    play_in_terminal,
+    scene_and_targets,
+    split_keys,
+    steps_by_keys,
+)
 
 UP, RIGHT, DOWN = "\x1b[A", "\x1b[C", "\x1b[B"
 
@@ -69,13 +76,13 @@ def test_two_pixels_a_character():
 
 
 def test_without_a_terminal_there_is_one_sentence():
-    with pytest.raises(InputError, match="no terminal to read keys from"):
+    with pytest.raises(InputError, match="must be a terminal"):
         play_in_terminal(grid_scene(2, 2), 0, 3, Console(force_terminal=False))
 
 
 def test_a_room_of_no_run():
     with pytest.raises(InputError, match="neither a scene file nor a built-in room"):
-        any_task("attic-0", None)
+        scene_and_targets("attic-0", None)
 
 
 def test_a_task_of_a_run(monkeypatch):
@@ -83,10 +90,10 @@ def test_a_task_of_a_run(monkeypatch):
     split = SimpleNamespace(of_task=lambda task, settings: [SimpleNamespace(scene=1, state=7)])
     monkeypatch.setattr(keyboard, "training_scenes", lambda *_: scenes)
     monkeypatch.setattr(keyboard, "draw_split", lambda *_: split)
-    scene, targets = keyboard.task_of_run(Config(), "I", 0, None)
+    scene, targets = keyboard.scene_and_targets_of_run(Config(), "I", 0, None)
     assert (scene.name, targets) == ("bedroom-0", [7])
-    with pytest.raises(InputError, match="no targets in bathroom-0; it has some in bedroom-0"):
-        keyboard.task_of_run(Config(), "I", 0, "bathroom-0")
+    with pytest.raises(InputError, match="no targets in bathroom-0; give one of bedroom-0"):
+        keyboard.scene_and_targets_of_run(Config(), "I", 0, "bathroom-0")
 
 
 def test_in_a_pseudo_terminal(monkeypatch):

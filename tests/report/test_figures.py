@@ -36,7 +36,7 @@ def test_the_press_curve_marks_its_minimum():
 
 def test_a_press_curve_without_errors_is_refused(tmp_path):
     write_table(tmp_path / "press.csv", {"mean_squared_error": [np.inf, np.nan]})
-    with pytest.raises(InputError, match="holds no finite number"):
+    with pytest.raises(InputError, match="contains no finite number"):
         load_press_curve(tmp_path / "press.csv")
 
 

@@ -29,8 +29,8 @@ def test_pictures_lie_in_the_page(tmp_path):
 def test_a_picture_that_cannot_be_read_costs_one_line(tmp_path):
     (tmp_path / "broken.png").write_bytes(b"no picture")
     page = render_page("# t\n\n![x](broken.png)\n\n![y](absent.png)\n\nafter\n", tmp_path)
-    assert "<p>broken.png cannot be read, and is not shown.</p>" in page
-    assert "<p>absent.png cannot be read, and is not shown.</p>" in page
+    assert "<p>broken.png cannot be read and is not shown.</p>" in page
+    assert "<p>absent.png cannot be read and is not shown.</p>" in page
     assert "<p>after</p>" in page
 
 

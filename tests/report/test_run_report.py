@@ -99,7 +99,7 @@ def test_one_seed_has_no_intervals_and_no_differences(tmp_path, undrawn):
     folder = write_run(tmp_path, PAIR, tasks=("I",))
     write_report(folder)
     text, _ = pages(folder)
-    assert "One seed says nothing about differences between methods; run more." in text
+    assert "With one seed, no difference between methods can be significant; run more seeds." in text
     assert "seed 0, actions" in text
     assert "±" not in text
     assert "Differences on the same seeds" not in text
@@ -145,7 +145,12 @@ def test_missing_files_cost_one_line_each(tmp_path, undrawn):
         (tmp_path / name).unlink()
     write_report(folder)
     text, page = pages(folder)
-    for said in ("rl-seed-0.csv is missing", "quality.csv is missing", "holds no maps of rewards", "I.safetensors is"):
+    for said in (
+        "rl-seed-0.csv is missing",
+        "quality.csv is missing",
+        "contains no maps of rewards",
+        "I.safetensors is",
+    ):
         assert sum(said in line for line in text.splitlines()) == 1, said
     assert "hardware.json: cannot be read" in text
     assert page.count("data:image") == 1  # the learning curve of the other method
@@ -164,7 +169,7 @@ def test_a_folder_without_results_is_refused(tmp_path, undrawn):
     with pytest.raises(InputError, match="give the folder of a run made by"):
         write_report(folder)
     write_json(folder.config, CONFIG)
-    with pytest.raises(InputError, match="holds no results; run `relm-irl evaluate"):
+    with pytest.raises(InputError, match="contains no results; run `relm-irl evaluate"):
         write_report(folder)
     write_json(folder.config, {**CONFIG, "frames": "many"})
     with pytest.raises(InputError, match=r"config\.json: frames = 'many' is refused"):

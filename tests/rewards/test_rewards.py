@@ -125,7 +125,7 @@ def test_basis_is_the_principal_components(rooms):
     np.testing.assert_allclose(
         np.linalg.norm(phi, axis=0) / np.linalg.norm(phi[:, 0]), singular / singular[0], rtol=1e-5
     )
-    with pytest.raises(InputError, match=r"irl\.dimension: 99 asked for, the training views span 30"):
+    with pytest.raises(InputError, match=r"irl\.dimension: 99 exceeds 30"):
         fit_basis(rooms, 99)
 
 

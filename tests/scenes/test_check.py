@@ -47,14 +47,17 @@ def damaged_graph(scene, state, action, onward):
 @pytest.mark.parametrize(
     ("damage", "sentence"),
     [
-        (lambda s: damaged_graph(s, 0, 0, 8), "MoveAhead leads 1 times elsewhere"),
+        (lambda s: damaged_graph(s, 0, 0, 8), "MoveAhead does not move by 0.5 m along the heading in 1 states"),
         (lambda s: damaged_graph(s, 0, 0, 5), "MoveAhead from state 0 changes the heading"),
-        (lambda s: damaged_graph(s, 0, 1, 2), "RotateRight from state 0 is no turn by 90 degrees"),
-        (lambda s: damaged_graph(s, 0, 1, 5), "RotateRight from state 0 leaves its place"),
-        (lambda s: damaged_graph(s, 0, 1, 3), "some turns have one direction"),
+        (lambda s: damaged_graph(s, 0, 1, 2), "RotateRight from state 0 does not turn by 90 degrees"),
+        (lambda s: damaged_graph(s, 0, 1, 5), "RotateRight from state 0 changes the position"),
+        (lambda s: damaged_graph(s, 0, 1, 3), "turns have different directions"),
         (lambda s: damaged_graph(s, 4, 3, -1), "MoveBack does not undo MoveAhead from state 0"),
-        (lambda s: replace(s, rotation=s.rotation + np.eye(24)[5] * 30), "dataset `rotation` holds 120 at state 5"),
-        (lambda s: replace(s, location=s.location[[*range(20), *range(4)]]), "hold 4 poses twice, first state 0"),
+        (lambda s: replace(s, rotation=s.rotation + np.eye(24)[5] * 30), "dataset `rotation` has 120 at state 5"),
+        (
+            lambda s: replace(s, location=s.location[[*range(20), *range(4)]]),
+            "have 4 duplicate poses, first at state 0",
+        ),
         (
             lambda s: replace(s, shortest_path_distance=s.shortest_path_distance + np.eye(24, dtype=np.int32)),
             "`shortest_path_distance` disagrees with `graph` in 24 pairs",

@@ -141,12 +141,12 @@ def test_datasets_of_other_types_and_shapes(original, data):
     [
         ("location", lambda v: v * np.nan, "not finite"),
         ("rotation", lambda v: np.where(v == 90, np.inf, v), "not finite"),
-        ("location", lambda v: v.astype("S8"), "holds no real numbers"),
+        ("location", lambda v: v.astype("S8"), "must contain real numbers"),
         ("shortest_path_distance", lambda v: v - 2, "-1 or more"),
         ("shortest_path_distance", lambda v: v + 1e12, "-1 or more"),
         ("visible_object", lambda v: v + 1, "between 0 and 1"),
         ("visible_object", lambda v: v * np.nan, "not finite"),
-        ("resnet_feature", lambda v: v.astype(np.complex64), "holds no real numbers"),
+        ("resnet_feature", lambda v: v.astype(np.complex64), "must contain real numbers"),
     ],
 )
 def test_values_out_of_range(original, dataset, damage, sentence):

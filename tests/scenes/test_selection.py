@@ -36,7 +36,7 @@ def test_a_folder_may_hold_fewer_scenes(folder):
 
 
 def test_no_scene_left_for_task_iii_is_refused(folder):
-    with pytest.raises(InputError, match=r"all 4 scenes of type bathroom in .* are trained"):
+    with pytest.raises(InputError, match=r"all 4 scenes of type bathroom in .* are training scenes"):
         unseen_scenes(folder, SceneSettings(training_per_type=4))
 
 
@@ -44,16 +44,16 @@ def test_training_scenes_may_be_named(folder):
     settings = SceneSettings(training=("bathroom-3", "bathroom-1"), unseen_per_type=3)
     assert [scene.name for scene in training_scenes(folder, settings)] == ["bathroom-1", "bathroom-3"]
     assert [scene.name for scene in unseen_scenes(folder, settings)] == ["bathroom-0", "bathroom-2"]
-    with pytest.raises(InputError, match=r"holds no scene kitchen-1; it has bathroom-0, .*bathroom-3\."):
+    with pytest.raises(InputError, match=r"contains no scene kitchen-1; it has bathroom-0, .*bathroom-3\."):
         training_scenes(folder, SceneSettings(training=("kitchen-1",)))
     with pytest.raises(InputError, match="leave it out for the built-in rooms"):
         training_scenes("rooms", settings)
 
 
 def test_values_that_hold_no_scene_are_refused(tmp_path):
-    with pytest.raises(InputError, match="is no folder"):
+    with pytest.raises(InputError, match="is not a folder"):
         check_scenes_setting(str(tmp_path / "absent"))
-    with pytest.raises(InputError, match="holds no file"):
+    with pytest.raises(InputError, match="contains no file"):
         check_scenes_setting(str(tmp_path))
     check_scenes_setting("rooms")
 

@@ -143,7 +143,7 @@ def test_refused_teleports_and_drifted_poses_are_left_out(tmp_path):
 
 def test_a_simulator_that_dies_midway_is_one_sentence_and_the_recording_continues(tmp_path):
     path = tmp_path / "room.h5"
-    with pytest.raises(InputError, match=r"stopped at \w+ \(Reading from .* timed out\); give the same command again"):
+    with pytest.raises(InputError, match=r"stopped at \w+ \(Reading from .* timed out\); repeat the command"):
         recorded(path, dies_after=100)
     recording, controller = recorded(path)
     whole, undisturbed = recorded(tmp_path / "whole.h5")
@@ -163,7 +163,7 @@ def test_a_house_starts_at_its_agent(tmp_path):
 
 @pytest.mark.parametrize(
     ("content", "fault"),
-    [("{", "as JSON"), ("[]", "no ProcTHOR house"), ('{"rooms": []}', "where the agent starts")],
+    [("{", "as JSON"), ("[]", "not a ProcTHOR house"), ('{"rooms": []}', "start pose is missing")],
 )
 def test_files_that_are_no_houses(tmp_path, content, fault):
     path = tmp_path / "house.json"

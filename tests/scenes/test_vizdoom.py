@@ -147,10 +147,10 @@ def wad(path, *entries):
 
 
 def test_maps_that_do_not_exist_are_refused_before_anything_runs(engine, tmp_path):
-    with pytest.raises(InputError, match=r"freedoom2.wad: holds no map map77; it has map01, .*map32"):
+    with pytest.raises(InputError, match=r"freedoom2.wad: contains no map map77; it has map01, .*map32"):
         vizdoom_maps(["map01", "map77"], SETTINGS)
     own = wad(tmp_path / "own.wad", "MAP05", "THINGS", "LINEDEFS", "TITLEPIC", "E1M2", "THINGS")
-    with pytest.raises(InputError, match=r"own.wad: holds no map map01; it has map05, e1m2\."):
+    with pytest.raises(InputError, match=r"own.wad: contains no map map01; it has map05, e1m2\."):
         vizdoom_maps(["map01"], VizdoomSettings(wad=own))
     assert list(vizdoom_maps(["MAP05"], VizdoomSettings(wad=own))) == ["map05"]
     for content in (b"", b"no WAD file at all", own.read_bytes()[:-5]):
@@ -178,7 +178,7 @@ def test_the_command_keeps_finished_files_and_reports(engine, monkeypatch, capsy
     assert load_scene(tmp_path / "map01.h5", views=False).room_type == "base"
     before = (tmp_path / "map01.h5").stat().st_mtime_ns
     main()
-    assert "existed" in capsys.readouterr().out
+    assert "exists" in capsys.readouterr().out
     assert (tmp_path / "map01.h5").stat().st_mtime_ns == before
 
 

@@ -50,7 +50,7 @@ def test_a_damaged_checkpoint_costs_no_more_than_its_training(uninterrupted, tmp
 def test_a_checkpoint_of_another_configuration_is_left_alone(uninterrupted, tmp_path, capsys):
     interrupt(tmp_path, trained, dataclasses.replace(EVERY_CHUNK, frames=7))
     result, moved = resume(tmp_path, trained)
-    assert "is of another configuration" in capsys.readouterr().err
+    assert "belongs to another configuration" in capsys.readouterr().err
     assert moved == [CHUNK] * 4
     assert_same(uninterrupted, result)
 

@@ -33,6 +33,11 @@ SMALL = overlay(
 )
 
 
+def forget_shared():
+    for cached in (study._encoded, study._demonstrated, study._regressors):
+        cached.cache_clear()
+
+
 @pytest.fixture
 def scenes(monkeypatch):
     generator = np.random.default_rng(0)
@@ -40,9 +45,9 @@ def scenes(monkeypatch):
     features = generator.normal(size=(room.n_states, 10)).astype(np.float32)
     encoded = EncodedScenes([replace(room, features=features)], None, "none")
     monkeypatch.setattr(study, "encode_training", lambda config: encoded)
-    study.forget_shared()
+    forget_shared()
     yield encoded.scenes
-    study.forget_shared()
+    forget_shared()
 
 
 def shared(scenes, seed: int = 1, **changes):

@@ -48,6 +48,7 @@ def test_every_variant_changes_its_base():
         *(f"{name}.toml" for name in RUN_TITLES),
         "quick.toml",
         "ablation.toml",
+        "irl-methods.toml",
     }
     for changes in ({}, read_fields(PRESETS / "quick.toml")):
         base = variant_config(ablation, BASE, "siamese", changes, Path("x"))
@@ -63,7 +64,7 @@ def test_faults_are_named(tmp_path):
     (tmp_path / "a.toml").write_text("[base]\n[variants.x]\ntitle = 't'\nset.elm.colour = 3\n")
     with pytest.raises(InputError, match=r"variants\.x\.set: unknown field `elm\.colour`"):
         load_ablation(tmp_path / "a.toml")
-    with pytest.raises(InputError, match="there is no narrow; known are wide"):
+    with pytest.raises(InputError, match="there is no narrow; known variants: wide"):
         variant_config(SMALL, "narrow", "siamese", {}, tmp_path)
 
 

@@ -1,4 +1,4 @@
-"""The metric agent: it explores, learns distances on its experience graph, and moves so as to shorten them.
+"""The metric agent: it explores, learns distances from its experience graph, and moves to shorten them.
 
 Each update acts with every worker and takes one gradient step; costs to go are computed again whenever a chunk of
 updates has found new transitions.
@@ -32,6 +32,13 @@ from relm_irl_jax.env import scene_target_ranges
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.types import NO_MEMORY, Parameters, Requirement, TrainingLog, TrainingProblem
 from relm_irl_jax.world import Targets, World
+
+TARGET_SHARE = 0.25
+"""Share of the drawn goals that are training targets; the others are drawn from all goals. SPL on trained targets is
+.93 with 0 and 1.00 with 0.25, on new targets .90 and .89."""
+
+GRADIENT_CLIP = 10.0
+"""Largest global norm of a gradient."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +74,7 @@ def update_form(settings: MetricSettings) -> UpdateForm:
     """
     if settings.dimension % settings.groups:
         raise InputError(
-            f"metric.groups: {settings.groups} equal parts of {settings.dimension} dimensions do not exist; "
+            f"metric.groups: {settings.dimension} dimensions cannot be divided into {settings.groups} equal parts; "
             "give a divisor of metric.dimension."
         )
     distance = DistanceForm(settings.groups, settings.symmetric)
@@ -92,7 +99,7 @@ def scene_states(world: World) -> SceneStates:
 
 
 def reachable_states(world: World, targets: Targets) -> Bool[np.ndarray, "states"]:
-    """States in which an episode can begin or end, against which coverage is counted.
+    """States in which an episode can start or end; coverage is a share of these.
 
     Args:
         world: the scenes.
@@ -101,11 +108,11 @@ def reachable_states(world: World, targets: Targets) -> Bool[np.ndarray, "states
     Returns:
         Whether each state is one of them.
     """
-    found = np.zeros(len(world.scene), bool)
+    reachable = np.zeros(len(world.scene), bool)
     for row, count in zip(np.asarray(targets.start), np.asarray(targets.n_starts), strict=True):
-        found[row[:count]] = True
-    found[np.asarray(targets.state)] = True
-    return found
+        reachable[row[:count]] = True
+    reachable[np.asarray(targets.state)] = True
+    return reachable
 
 
 @partial(jax.jit, static_argnames="form")
@@ -153,7 +160,7 @@ def run_updates(
 
 @dataclass(frozen=True)
 class MetricAgent:
-    """The agent that learns distances between views.
+    """The agent that learns an embedding of views whose distances are numbers of steps.
 
     Attributes:
         settings: network and optimiser.
@@ -166,7 +173,7 @@ class MetricAgent:
     requires: frozenset[Requirement] = frozenset({"goals"})
 
     def train(self, key: PRNGKeyArray, problem: TrainingProblem, log: TrainingLog) -> tuple[Parameters, MetricCurve]:
-        """Train on a problem, see `relm_irl_jax.types.Agent`."""
+        """Train on a problem; see `relm_irl_jax.types.Agent`."""
         assert problem.goals is not None
         settings, world, goals = self.settings, problem.world, problem.goals
         form = update_form(settings)
@@ -189,7 +196,7 @@ class MetricAgent:
             if tried > tried_before:
                 if settings.symmetric and bool(one_way_transitions(state.graph).any()):
                     raise InputError(
-                        "metric.symmetric: some step cannot be taken back in these scenes; set it to false."
+                        "metric.symmetric: some step cannot be undone by one action in these scenes; set it to false."
                     )
                 costs = compute_costs_to_go(state.graph, world, goals, scenes, settings.counts)
             row = learning_row(sums, number, chunks) | {
@@ -204,7 +211,7 @@ class MetricAgent:
         return state.parameters, curve_from_rows(MetricCurve, rows)
 
     def policy(self, parameters: Parameters, world: World, targets: Targets) -> MetricPolicy:
-        """Make a policy for scenes and targets, see `relm_irl_jax.types.Agent`."""
+        """Make a policy for scenes and targets; see `relm_irl_jax.types.Agent`."""
         form = update_form(self.settings)
         embeddings: Embeddings = jax.jit(embed, static_argnums=0)(form.network, parameters, world.features)
         inverse_temperature = jnp.float32(self.settings.evaluation_inverse_temperature)
@@ -215,7 +222,7 @@ class MetricAgent:
         settings = self.settings
         assert problem.goals is not None
         weights = LossWeights(
-            target_share=jnp.float32(settings.target_share),
+            target_share=jnp.float32(TARGET_SHARE),
             policy=jnp.float32(settings.policy_weight),
             successor=jnp.float32(settings.successor_weight),
             tolerance=jnp.float32(settings.tolerance),
@@ -224,7 +231,7 @@ class MetricAgent:
         optimizer = OptimizerNumbers(
             learning_rate=jnp.float32(settings.learning_rate),
             updates=jnp.float32(updates),
-            gradient_clip=jnp.float32(settings.gradient_clip),
+            gradient_clip=jnp.float32(GRADIENT_CLIP),
         )
         scenes = scene_states(problem.world)
         loss = LossInputs(scenes, problem.goals, unknown_costs(scenes, problem.goals), weights)
@@ -233,6 +240,8 @@ class MetricAgent:
     def _check(self, problem: TrainingProblem) -> None:
         n_scenes, workers = problem.world.n_scenes, self.settings.workers
         if workers < n_scenes:
-            raise InputError(f"metric.workers: {workers} workers cannot serve {n_scenes} scenes; ask for more.")
+            raise InputError(
+                f"metric.workers: {workers} workers are too few for {n_scenes} scenes; give at least {n_scenes}."
+            )
         if np.bincount(np.asarray(problem.targets.scene), minlength=n_scenes).min() == 0:
-            raise InputError("tasks.training_targets: some scene has no training target; ask for more.")
+            raise InputError("tasks.training_targets: some scene has no training target; give a larger number.")

@@ -1,6 +1,6 @@
-"""Costs to go on the experience graph, under each method's own reward.
+"""Costs to go on the experience graph, under each method's reward.
 
-For a goal g and a cost c_g(s) > 0 of being in any other state, the least cost to reach g along edges of the graph is
+For a goal g and a cost c_g(s) > 0 of leaving any other state s, the minimum cost to reach g along edges of the graph is
 
     C(g, g) = 0,   C(s, g) = c_g(s) + min_a C(s'_a, g)
 
@@ -8,12 +8,12 @@ and −C is the optimal undiscounted value under the reward r(s) = −c_g(s). Wi
 the same and C counts steps; a collision costs more, and no shortest path has one. With a learned reward
 c_g(s) = −r(s, g).
 
-The path of least cost has a number of steps, too:
+The number of steps of the path of minimum cost is
 
     N(g, g) = 0,   N(s, g) = 1 + N(s'_{a*}, g),   a* = argmin_a C(s'_a, g)
 
-The learned distance can represent either. The reward selects the path in both; steps are represented better, since a
-cost that depends on the goal differs between the two directions of a path.
+The learned distance can represent either. The reward selects the path in both cases. An embedding represents steps
+better, since a cost that depends on the goal differs between the two directions of a path.
 """
 
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float32, Int32
 
-from relm_irl_jax.agents.metric.experience_graph import UNTRIED, ExperienceGraph, least_costs
+from relm_irl_jax.agents.metric.experience_graph import UNTRIED, ExperienceGraph, minimum_costs
 from relm_irl_jax.rewards.goals import Goals
 from relm_irl_jax.world import World
 
@@ -46,12 +46,12 @@ class SceneStates:
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class CostsToGo:
-    """What the graph, as it was at some time, says about the goals.
+    """Costs to go to all goals, computed from one snapshot of the graph.
 
     Attributes:
         successor: local state that each action leads to, or `UNTRIED`.
-        cost: C, least cost from each local state to each goal; infinite where the graph has no path.
-        length: what the distance is to represent: N, the number of steps of that path, or C.
+        cost: C, minimum cost from each local state to each goal; infinite where the graph has no path.
+        length: regression target of the distance: N, the number of steps of that path, or C.
     """
 
     successor: Int32[Array, "scenes locals 4"]
@@ -59,32 +59,32 @@ class CostsToGo:
     length: Float32[Array, "scenes locals goals"]
 
 
-def least_costs_to_goals(
+def minimum_costs_to_goals(
     successor: Int32[Array, "locals 4"], goal: Int32[Array, "goals"], step_cost: Float32[Array, "goals locals"]
 ) -> Float32[Array, "locals goals"]:
-    """Least cost from every state to every goal.
+    """Minimum cost from every state to every goal.
 
     Args:
         successor: local state that each action led to, or `UNTRIED`.
         goal: the goals.
-        step_cost: cost of being in each state for each goal, positive.
+        step_cost: cost of leaving each state for each goal, positive.
 
     Returns:
         C(s, g); infinite where the graph has no path.
     """
     ends = jnp.arange(step_cost.shape[1])[:, None] == goal
-    return least_costs(successor, jnp.where(ends, 0.0, jnp.inf), step_cost.T)
+    return minimum_costs(successor, jnp.where(ends, 0.0, jnp.inf), step_cost.T)
 
 
 def steps_of_best_paths(
     successor: Int32[Array, "locals 4"], goal: Int32[Array, "goals"], cost: Float32[Array, "locals goals"]
 ) -> Float32[Array, "locals goals"]:
-    """Number of steps of the path of least cost.
+    """Number of steps of the path of minimum cost.
 
     Args:
         successor: local state that each action led to, or `UNTRIED`.
         goal: the goals.
-        cost: C, from `least_costs_to_goals`.
+        cost: C, from `minimum_costs_to_goals`.
 
     Returns:
         N(s, g); infinite where the graph has no path.
@@ -99,7 +99,7 @@ def steps_of_best_paths(
         better = jnp.where(ends, 0.0, jnp.where(jnp.isfinite(cost), 1 + steps[next_state, column], jnp.inf))
         return better, (better != steps).any()
 
-    # Every step lowers the cost to go, so no path runs in a circle.
+    # Every step lowers the cost to go, so no path has a cycle.
     first = jnp.where(ends, 0.0, jnp.inf)
     return jax.lax.while_loop(lambda carry: carry[1], improve, (first, jnp.bool_(True)))[0]
 
@@ -123,22 +123,22 @@ def unknown_costs(scenes: SceneStates, goals: Goals) -> CostsToGo:
 def compute_costs_to_go(
     graph: ExperienceGraph, world: World, goals: Goals, scenes: SceneStates, counts: Literal["steps", "costs"]
 ) -> CostsToGo:
-    """Costs to go on the graph as it is now.
+    """Costs to go on the current graph.
 
     Args:
         graph: transitions observed.
         world: the scenes.
         goals: the goals and their costs.
         scenes: states of each scene.
-        counts: what the distance is to represent. Static.
+        counts: regression target of the distance. Static.
 
     Returns:
         The costs.
     """
-    own = jnp.arange(scenes.state.shape[1]) < scenes.count[:, None]
+    valid = jnp.arange(scenes.state.shape[1]) < scenes.count[:, None]
     next_state = graph.successor[scenes.state]
-    successor = jnp.where((next_state != UNTRIED) & own[..., None], world.local[next_state], UNTRIED)
-    cost = jax.lax.map(lambda row: least_costs_to_goals(*row), (successor, goals.state, goals.cost))
+    successor = jnp.where((next_state != UNTRIED) & valid[..., None], world.local[next_state], UNTRIED)
+    cost = jax.lax.map(lambda row: minimum_costs_to_goals(*row), (successor, goals.state, goals.cost))
     if counts == "costs":
         return CostsToGo(successor, cost, cost)
     return CostsToGo(

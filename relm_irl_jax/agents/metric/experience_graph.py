@@ -1,9 +1,9 @@
-"""The experience graph: which action led from which state to which, as far as the workers have tried.
+"""The experience graph: the transitions that the workers have observed.
 
-Visited views are its nodes, observed transitions its edges. A view is recognised when it is seen again, so a node is
-identified by the number of its state; nothing else of the simulator enters. Workers explore as long as an untried
-action can be reached: they try one where they are, else take the shortest known path to the nearest state that has
-one. Otherwise they follow the policy to their targets.
+Its nodes are visited views, its edges observed transitions. The agent recognises a view when it sees it again, so a
+node is identified by the number of its state; the graph uses nothing else of the simulator. Workers explore as long as
+they can reach an untried action: they take an untried action of the current state, or else the shortest known path to
+the nearest state that has one. Otherwise they follow the policy to their targets.
 """
 
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ UNTRIED = -1
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class ExperienceGraph:
-    """Transitions observed so far. Where a world is not deterministic, the last outcome is kept.
+    """Transitions observed so far. If a world is not deterministic, the last outcome counts.
 
     Attributes:
         successor: state that each action led to, or `UNTRIED`.
@@ -65,7 +65,7 @@ def coverage(graph: ExperienceGraph, reachable: Bool[Array, "states"]) -> tuple[
 
     Args:
         graph: transitions observed.
-        reachable: states that can be visited at all.
+        reachable: states that an episode can visit.
 
     Returns:
         Share of those states visited, and share of their actions tried.
@@ -76,7 +76,7 @@ def coverage(graph: ExperienceGraph, reachable: Bool[Array, "states"]) -> tuple[
 
 
 def steps_to_frontier(graph: ExperienceGraph) -> Float32[Array, "states"]:
-    """Least number of actions, along edges of the graph, to a state with an untried action.
+    """Smallest number of actions, along edges of the graph, to a state with an untried action.
 
         f(s) = 0 where an action is untried, else 1 + min_a f(s'_a)
 
@@ -87,19 +87,19 @@ def steps_to_frontier(graph: ExperienceGraph) -> Float32[Array, "states"]:
         The number for each state; infinite where no such state can be reached.
     """
     untried = (graph.successor == UNTRIED).any(1, keepdims=True)
-    return least_costs(graph.successor, jnp.where(untried, 0.0, jnp.inf), jnp.ones((1, 1)))[:, 0]
+    return minimum_costs(graph.successor, jnp.where(untried, 0.0, jnp.inf), jnp.ones((1, 1)))[:, 0]
 
 
-def least_costs(
+def minimum_costs(
     successor: Int32[Array, "states 4"],
     end_cost: Float32[Array, "states ends"],
     step_cost: Float32[Array, "#states #ends"],
 ) -> Float32[Array, "states ends"]:
-    """Least cost of a path along tried actions, by value iteration until nothing changes.
+    """Minimum cost of a path along tried actions, by value iteration until convergence.
 
     Args:
         successor: state that each action led to, or `UNTRIED`.
-        end_cost: cost of ending in each state at once; infinite where that is not allowed.
+        end_cost: cost of ending the path in each state; infinite where it cannot end.
         step_cost: cost of a step from each state, positive.
 
     Returns:
@@ -119,13 +119,13 @@ def least_costs(
 
 
 def one_way_transitions(graph: ExperienceGraph) -> Bool[Array, "states 4"]:
-    """Transitions that no single action reverses, as far as all actions of the next state were tried.
+    """Transitions that no single action reverses; a transition counts once all actions of its next state were tried.
 
     Args:
         graph: transitions observed.
 
     Returns:
-        Whether each is one.
+        Whether each transition is one-way.
     """
     after_next = graph.successor[jnp.maximum(graph.successor, 0)]
     returns = (after_next == jnp.arange(len(graph.successor))[:, None, None]).any(-1)

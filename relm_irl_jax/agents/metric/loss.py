@@ -1,12 +1,12 @@
-"""The loss of the metric agent: distances are regressed on costs to go, the policy on the actions of least cost.
+"""The loss of the metric agent: distances are fitted to costs to go, the policy to the actions of minimum cost.
 
     loss = mean w(s,g) (D(s,g) − N(s,g))² + mean w(s,g) (D(F(s)_a, g) − N(s'_a, g))²       w = 1 / (1 + N(s,g))
          + c_policy · mean KL( best actions ‖ π(· | s, g) )
          + c_successor · mean ‖F(s)_a − ψ(s'_a)‖²
 
-over pairs of states and goals that the experience graph connects. C is the least cost to go on it under the method's
-own reward; N is the number of steps of that path, or C itself (`metric.counts`). The best actions are those that lead
-to the least C, or to little more (`metric.tolerance`); they share the probability.
+over pairs of states and goals that the experience graph connects. C is the minimum cost to go on the graph under the
+method's reward. N is the number of steps of that path, or C itself (`metric.counts`). The best actions are those that
+lead to the smallest C, within `metric.tolerance`; they have equal probability.
 """
 
 from dataclasses import dataclass
@@ -27,10 +27,10 @@ class LossWeights:
     """Numbers of the loss, see `relm_irl_jax.agents.settings.MetricSettings`.
 
     Attributes:
-        target_share: share of goals drawn from the training targets alone.
+        target_share: share of the drawn goals that are training targets.
         policy: c_policy.
         successor: c_successor.
-        tolerance: costs to go that differ by no more count as equal, in mean steps.
+        tolerance: largest difference between costs to go that count as equal, in mean steps.
         inverse_temperature: β, factor of the distances in the policy's logits.
     """
 
@@ -75,7 +75,7 @@ class Losses:
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class LossInputs:
-    """What the loss looks up.
+    """The inputs of the loss.
 
     Attributes:
         scenes: states of each scene.
@@ -160,7 +160,7 @@ def regression_targets(
     Float32[Array, "scenes states 4 goals"],
     Float32[Array, "scenes states 4 goals"],
 ]:
-    """What the experience graph says about drawn states and goals.
+    """Costs to go for drawn states and goals, from the experience graph.
 
     Args:
         local: drawn states of each scene.
@@ -168,7 +168,7 @@ def regression_targets(
         costs: costs to go.
 
     Returns:
-        N(s, g), N(s'_a, g) and C(s'_a, g); infinite where nothing is known.
+        N(s, g), N(s'_a, g) and C(s'_a, g); infinite where the graph has no path.
     """
     scene = jnp.arange(len(local))[:, None]
     successor = costs.successor[scene, local]
@@ -191,13 +191,13 @@ def successor_error(embeddings: Embeddings, inputs: LossInputs, form: LossForm) 
         The error, over all transitions observed.
     """
     scenes, successor = inputs.scenes, inputs.costs.successor
-    own = (jnp.arange(successor.shape[1]) < scenes.count[:, None])[..., None]
-    known = own & (successor != UNTRIED)
+    valid = (jnp.arange(successor.shape[1]) < scenes.count[:, None])[..., None]
+    known = valid & (successor != UNTRIED)
     reached = scenes.state[jnp.arange(len(successor))[:, None, None], jnp.maximum(successor, 0)]
     square = (embeddings.successor[scenes.state] - embeddings.state[reached]) ** 2
     parts = square.reshape(*square.shape[:-1], form.distance.groups, -1).sum(-1).mean(-1)
     return jnp.where(known, parts, 0.0).sum() / jnp.maximum(known.astype(jnp.float32).sum(), 1.0)
 
 
-def _squared_error(found: Float32[Array, "*pairs"], target: Float32[Array, "*pairs"]) -> Float32[Array, "*pairs"]:
-    return jnp.where(jnp.isfinite(target), found - target, 0.0) ** 2
+def _squared_error(distance: Float32[Array, "*pairs"], target: Float32[Array, "*pairs"]) -> Float32[Array, "*pairs"]:
+    return jnp.where(jnp.isfinite(target), distance - target, 0.0) ** 2

@@ -1,16 +1,16 @@
 """The metric agent's network: an embedding of views whose distances are the number of steps between them.
 
     h(x)  = ReLU(ReLU(x W + b) V + c)
-    ψ(x)  = h(x) P                        embedding of a view, of current and target views alike
+    ψ(x)  = h(x) P                        embedding of a current view or a target view
     F(x)_a = ψ(x) + h(x) M_a              successor embedding: the predicted embedding after action a
     D(x, g) = mean_k ‖ψ_k(x) − ψ_k(g)‖₂   over equal parts ψ_k of the embedding
 
     V(s, g) = −D(s, g),   π(a | s, g) ∝ exp(−β D(F(s)_a, ψ(g)))
 
-The value is a function of the distance alone, and the policy prefers actions that shorten it. Since one map embeds
-current and target views, a view that was only ever a current one has an embedding as a target, too. Where the two
-directions of a path may differ in length, mean_k max_i (ψ_ki(x) − ψ_ki(g))₊ is added, which obeys the triangle
-inequality but is not symmetric.
+The value is a function of the distance, and the policy prefers actions that reduce it. Since one map embeds current and
+target views, a view that was never a target in training also has an embedding as a target. If the two directions of a
+path may differ in length, mean_k max_i (ψ_ki(x) − ψ_ki(g))₊ is added, which satisfies the triangle inequality but is
+not symmetric.
 
 Sources: Pitis et al., "An inductive bias for distances" (2020); Wang et al., "Optimal goal-reaching reinforcement
 learning via quasimetric learning" (2023); Barreto et al., "Successor features" (2017).
@@ -28,7 +28,7 @@ from relm_irl_jax.scenes.scene import ACTIONS
 from relm_irl_jax.types import Parameters
 
 SMALLEST_SQUARE = 1e-6
-"""Lower bound of squared distances, since the root has no gradient at 0."""
+"""Lower bound of squared distances, since the square root is not differentiable at 0."""
 
 
 @jax.tree_util.register_dataclass
@@ -77,7 +77,7 @@ class MetricNetwork(nn.Module):
             view: encoded views.
 
         Returns:
-            Their embeddings, and the predicted ones after each action.
+            Their embeddings, and the predicted embeddings after each action.
         """
         he = nn.initializers.he_normal()
         hidden = nn.relu(nn.Dense(self.width, kernel_init=he, name="shared")(view))
@@ -124,7 +124,7 @@ def distance(
 def pairwise_distances(
     x: Float32[Array, "*batch from dimension"], y: Float32[Array, "*batch to dimension"], form: DistanceForm
 ) -> Float32[Array, "*batch from to"]:
-    """D between all pairs of embeddings; Euclidean ones by matrix products, ‖x‖² + ‖y‖² − 2x·y.
+    """D between all pairs of embeddings; symmetric distances use matrix products, ‖x‖² + ‖y‖² − 2x·y.
 
     Args:
         x: embeddings of current views.

@@ -1,4 +1,4 @@
-"""The trained metric agent as a policy for the scenes and targets at hand."""
+"""The policy of the trained metric agent for given scenes and targets."""
 
 from dataclasses import dataclass, field
 
@@ -15,14 +15,14 @@ Batch = Int32[Array, "scenes batch"]
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class MetricPolicy:
-    """Prefers actions whose successor embedding is near the target's embedding; remembers nothing.
+    """Prefers actions whose successor embedding is near the target's embedding; it has no memory.
 
     Attributes:
         embeddings: embeddings of every state.
         target_embedding: embedding of every target.
         inverse_temperature: factor of the distances in the logits.
         form: form of the distance. Static.
-        greedy: take the most probable action instead of drawing from the policy. Static.
+        greedy: whether to take the most probable action instead of drawing one. Static.
     """
 
     embeddings: Embeddings
@@ -36,7 +36,7 @@ class MetricPolicy:
         return NO_MEMORY
 
     def act(self, key: PRNGKeyArray, memory: Memory, observation: Observation, target: Batch) -> tuple[Memory, Batch]:
-        """Act by the distances."""
+        """Choose actions by their distance to the target."""
         goal = self.target_embedding[target][..., None, :]
         steps = distance(self.embeddings.successor[observation.view], goal, self.form)
         return memory, choose_action(key, -self.inverse_temperature * steps, self.greedy)

@@ -1,4 +1,4 @@
-"""One update of the metric agent: act with every worker, add the transitions to the graph, learn distances."""
+"""One update of the metric agent: act with every worker, add transitions to the experience graph, learn distances."""
 
 from dataclasses import dataclass
 from typing import cast
@@ -21,7 +21,7 @@ from relm_irl_jax.agents.rollout import EpisodeSums, NavigationTask, Workers, ro
 from relm_irl_jax.types import NO_MEMORY, Memory, Observation, Parameters
 
 FINAL_RATE = 0.02
-"""Share of the step size that is left at the end of training."""
+"""Final step size, as a share of the initial one."""
 
 
 @dataclass(frozen=True)
@@ -45,8 +45,8 @@ class OptimizerNumbers:
     """Numbers of the optimiser.
 
     Attributes:
-        learning_rate: largest step size.
-        updates: updates of the whole training, over which the step size falls.
+        learning_rate: initial step size.
+        updates: updates of the whole training, over which the step size decreases.
         gradient_clip: largest global norm of a gradient.
     """
 
@@ -58,7 +58,7 @@ class OptimizerNumbers:
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class UpdateInputs:
-    """What an update looks up and does not change.
+    """The constant inputs of an update.
 
     Attributes:
         task: scenes, targets, reward and cap.
@@ -74,14 +74,14 @@ class UpdateInputs:
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class TrainState:
-    """Everything that training carries from update to update.
+    """The state of a training between updates.
 
     Attributes:
         parameters: the network's parameters.
         optimizer: the optimiser's state.
         workers: the workers; fields are [scenes, batch].
         graph: transitions observed so far.
-        key: source of all later randomness.
+        key: source of the remaining randomness.
     """
 
     parameters: Parameters
@@ -92,7 +92,7 @@ class TrainState:
 
 
 def make_optimizer(numbers: OptimizerNumbers) -> optax.GradientTransformation:
-    """Gradients clipped by their global norm, then Adam with a step size that falls along a cosine.
+    """The optimiser: gradients clipped by their global norm, then Adam with a step size that decreases along a cosine.
 
     Args:
         numbers: the optimiser's numbers.
@@ -112,8 +112,8 @@ def make_optimizer(numbers: OptimizerNumbers) -> optax.GradientTransformation:
 def update(state: TrainState, inputs: UpdateInputs, form: UpdateForm) -> tuple[TrainState, tuple[EpisodeSums, Losses]]:
     """Act t_max steps with every worker, then take one gradient step.
 
-    Workers explore where an untried action can be reached, and follow the policy elsewhere. The embeddings of all
-    views are computed once and serve both acting and learning.
+    Workers explore if they can reach an untried action, and follow the policy otherwise. The embeddings of all views
+    are computed once, for both acting and learning.
 
     Args:
         state: the state of training.

@@ -15,7 +15,7 @@ from relm_irl_jax.agents.siamese.policy import PairPolicy, SeveralViewsPolicy
 from relm_irl_jax.agents.siamese.sharding import shard_workers, usable_devices
 from relm_irl_jax.agents.siamese.state_target_pairs import state_target_pairs
 from relm_irl_jax.agents.siamese.training import (
-    prepare,
+    prepare_training,
     run_updates,
     scene_heads,
     update_form,
@@ -33,7 +33,7 @@ class SiameseAgent:
     Attributes:
         settings: network and optimiser.
         greedy: whether its policies take the most probable action instead of drawing one.
-        devices: devices that share the workers; all where None.
+        devices: devices that share the workers; all devices if None.
     """
 
     settings: SiameseSettings = field(default_factory=SiameseSettings)
@@ -43,10 +43,10 @@ class SiameseAgent:
     requires: frozenset[Requirement] = frozenset()
 
     def train(self, key: PRNGKeyArray, problem: TrainingProblem, log: TrainingLog) -> tuple[Parameters, LearningCurve]:
-        """Train on a problem, see `relm_irl_jax.types.Agent`."""
+        """Train on a problem; see `relm_irl_jax.types.Agent`."""
         n_heads = int(scene_heads(problem.world, self.settings).max()) + 1
         devices = usable_devices(self.settings.workers // n_heads, self.devices)
-        state, inputs, form = prepare(key, problem, self.settings, len(devices))
+        state, inputs, form = prepare_training(key, problem, self.settings, len(devices))
         state, inputs = shard_workers(state, inputs, devices)
         workers = inputs.task.target_range.first.size
         chunks = split_into_chunks(problem.frames, workers * self.settings.t_max)
@@ -59,7 +59,7 @@ class SiameseAgent:
         return state.parameters, curve_from_rows(LearningCurve, rows)
 
     def policy(self, parameters: Parameters, world: World, targets: Targets) -> PairPolicy | SeveralViewsPolicy:
-        """Make a policy for scenes and targets, see `relm_irl_jax.types.Agent`."""
+        """Make a policy for scenes and targets; see `relm_irl_jax.types.Agent`."""
         n_heads = parameters["params"]["head_kernel"].shape[0]
         network = update_form(self.settings, n_heads).network
         scene_head = scene_heads(world, self.settings)
@@ -71,7 +71,7 @@ class SiameseAgent:
         return SeveralViewsPolicy(parameters, tables, jnp.asarray(scene_head, jnp.int32), network, self.greedy)
 
     def prefers_joint_training(self) -> bool:
-        """Whether several seeds train faster in one program, see `SiameseSettings.seeds_at_once`."""
+        """Whether several seeds train faster in one program; see `SiameseSettings.seeds_at_once`."""
         choice = self.settings.seeds_at_once
         single = len(jax.devices() if self.devices is None else self.devices) == 1
         return single and (choice == "always" or (choice == "auto" and jax.default_backend() != "cpu"))
@@ -79,5 +79,5 @@ class SiameseAgent:
     def train_jointly(
         self, keys: Sequence[PRNGKeyArray], problems: Sequence[TrainingProblem], log: TrainingLog
     ) -> list[tuple[Parameters, LearningCurve]]:
-        """Train one network for each seed in one program, see `relm_irl_jax.types.MultiSeedAgent`."""
+        """Train one network for each seed in one program; see `relm_irl_jax.types.MultiSeedAgent`."""
         return train_seeds(keys, problems, self.settings, log)

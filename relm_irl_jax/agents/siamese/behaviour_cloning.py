@@ -1,9 +1,9 @@
-"""Behaviour cloning: the policy fitted to demonstrated actions by maximum likelihood, without reward or environment.
+"""Behaviour cloning: the policy is fitted to demonstrated actions by maximum likelihood, without rewards.
 
     loss = mean over demonstrated (s, g, a) of −log π(a | s, g)
 
-The network is the actor-critic's, and so are its optimiser and the number of pairs in an update, so that the baseline
-differs from the other methods by its supervision alone. The value is not trained.
+Network, optimiser and batch size are those of the actor-critic, so that the baseline differs from the other methods
+only in its supervision. The value is not trained.
 """
 
 from dataclasses import dataclass, field
@@ -37,7 +37,7 @@ class Decisions:
     Attributes:
         views: last states in the world, the latest first.
         target: rows of `Targets`.
-        action: action demonstrated there.
+        action: demonstrated action.
         count: number of valid entries in each row.
     """
 
@@ -52,7 +52,7 @@ class CloningCurve:
     """Progress of the fit, one entry for each chunk of updates.
 
     Attributes:
-        frames: demonstrated decisions seen, repetitions counted, up to the end of the chunk.
+        frames: demonstrated decisions in all batches up to the end of the chunk, with repetitions.
         loss: mean −log π of the demonstrated action, in nats.
         accuracy: share of decisions whose demonstrated action is the most probable one.
     """
@@ -65,13 +65,13 @@ class CloningCurve:
 def decisions_by_head(
     demonstrations: Demonstrations, world: World, scene_head: Int[np.ndarray, "scenes"], history: int
 ) -> Decisions:
-    """Sort demonstrated decisions by the head that takes them.
+    """Group demonstrated decisions by the head of their scene.
 
     Args:
         demonstrations: the decisions.
         world: the training scenes.
         scene_head: head of each scene.
-        history: number of last views that are observed; a trajectory's first view is repeated before its start.
+        history: number of last views that are observed; before a trajectory's start, its first view is repeated.
 
     Returns:
         The decisions.
@@ -86,7 +86,7 @@ def decisions_by_head(
     count = np.bincount(head, minlength=n_heads)
     if count.min() == 0:
         raise InputError(
-            "tasks.training_targets: some head of the network has no demonstration to clone; ask for more targets."
+            "tasks.training_targets: some head of the network has no demonstration; give a larger number of targets."
         )
 
     def rows(values: np.ndarray) -> Array:
@@ -106,12 +106,12 @@ def decisions_by_head(
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class CloningInputs:
-    """What an update looks up and does not change.
+    """The constant inputs of an update.
 
     Attributes:
         world: the training scenes.
         targets: the training targets.
-        decisions: what was demonstrated.
+        decisions: the demonstrated decisions.
         optimizer: the optimiser's numbers.
     """
 
@@ -155,7 +155,7 @@ class BehaviourCloningAgent:
     """The siamese network fitted to demonstrations.
 
     Attributes:
-        settings: network and optimiser; of the loss only the optimiser's are used.
+        settings: network and optimiser; the weights of the actor-critic loss are not used.
         greedy: whether its policies take the most probable action instead of drawing one.
     """
 
@@ -165,7 +165,7 @@ class BehaviourCloningAgent:
     requires: frozenset[Requirement] = frozenset({"demonstrations"})
 
     def train(self, key: PRNGKeyArray, problem: TrainingProblem, log: TrainingLog) -> tuple[Parameters, CloningCurve]:
-        """Fit the policy to the problem's demonstrations, see `relm_irl_jax.types.Agent`."""
+        """Fit the policy to the problem's demonstrations; see `relm_irl_jax.types.Agent`."""
         assert problem.demonstrations is not None
         scene_head = scene_heads(problem.world, self.settings)
         form = update_form(self.settings, int(scene_head.max()) + 1)
@@ -189,5 +189,5 @@ class BehaviourCloningAgent:
         return carry[0], curve_from_rows(CloningCurve, rows)
 
     def policy(self, parameters: Parameters, world: World, targets: Targets) -> PairPolicy | SeveralViewsPolicy:
-        """Make a policy for scenes and targets, see `relm_irl_jax.types.Agent`."""
+        """Make a policy for scenes and targets; see `relm_irl_jax.types.Agent`."""
         return SiameseAgent(self.settings, self.greedy).policy(parameters, world, targets)

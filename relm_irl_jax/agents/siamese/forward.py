@@ -1,12 +1,12 @@
-"""The network's forward pass for acting and its backward pass for learning, for frames or for all pairs.
+"""The network's forward pass for acting and its backward pass for learning, either by frames or by pairs.
 
-Both ways compute the same function. *Frames*: each frame is evaluated when a worker reaches it, from tables of what
-depends on single views. Learning keeps the part that depends on the views, which is the expensive one, and evaluates
-the layers that follow it once more, all frames in one batch, to differentiate them.
-*Pairs*: an update of many workers visits most pairs of a training target and a state of its scene, many of them more
-than once. Where there are no more pairs than frames, all pairs are evaluated before the first step in a few large
-products; acting looks up four logits, and the gradient with respect to logits and values is summed over the frames of
-each pair before it passes through the network. The cost of an update is then independent of its number of frames.
+Both variants compute the same function. *Frames*: each frame is evaluated when a worker reaches it, from tables of the
+layers that depend on single views. Learning reuses the stored result of the expensive layers, which depend only on the
+views, and evaluates the layers after them again, for all frames in one batch, to differentiate them. *Pairs*: many
+workers visit most pairs of a training target and a state of its scene in each update, often repeatedly. If there are no
+more pairs than frames, all pairs are evaluated before the first step, in a few large matrix products. Acting then looks
+up the logits, and the gradient with respect to logits and values is summed over the frames of each pair before
+backpropagation. The cost of an update is then independent of its number of frames.
 """
 
 from collections.abc import Callable
@@ -29,13 +29,14 @@ Target = Int32[Array, "groups batch"]
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Evaluation:
-    """Evaluated frames.
+    """Frames and their evaluation.
 
     Attributes:
         outputs: policy and value.
         views: states whose views were observed, the latest first.
         target: rows of the targets.
-        state_part: what depends on the views alone, see `SiameseActorCritic.state_part`; None for pairs.
+        state_part: result of the layers that depend only on the views; see `SiameseActorCritic.state_part`. None if
+            pairs are evaluated.
     """
 
     outputs: Outputs
@@ -45,7 +46,7 @@ class Evaluation:
 
 
 Forward = Callable[[Views, Target], Evaluation]
-"""Evaluates last states and targets of all workers."""
+"""Evaluates the network on the last states and the targets of all workers."""
 
 Backward = Callable[[Evaluation, Outputs], Parameters]
 """Maps all evaluated steps, and the gradient of a loss with respect to their outputs, to the gradient with respect to
@@ -55,14 +56,14 @@ the parameters."""
 def tabulate(
     network: SiameseActorCritic, parameters: Parameters, world: World, targets: Targets, frames: int | None = None
 ) -> Tables:
-    """Compute the network's tables, over all states where these are no more than the frames.
+    """Compute the network's tables; over all states if there are no more states than frames.
 
     Args:
         network: the network. Static.
         parameters: θ.
         world: the scenes.
         targets: the targets.
-        frames: frames for which these parameters serve; None for any number. Static.
+        frames: number of frames that are evaluated with these parameters; None if unknown. Static.
 
     Returns:
         The tables.
@@ -92,7 +93,7 @@ def evaluate(
     Args:
         network: the network. Static.
         parameters: θ.
-        tables: what `tabulate` computed from the same θ.
+        tables: tables that `tabulate` computed from the same θ.
         views: last states in the world, the latest first.
         target: rows of the targets.
         head: head of each group.
@@ -116,23 +117,23 @@ def evaluate_pairs(
         pairs: the pairs.
 
     Returns:
-        Policy and value of each, in the order of `StateTargetPairs.index`.
+        Policy and value of each pair, in the order of `StateTargetPairs.index`.
     """
     tables = tabulate(network, parameters, world, targets)
-    found = [
+    heads = [
         evaluate(network, parameters, tables, state[None, :, None], target[None], jnp.asarray([head], jnp.int32))
         for head, (state, target) in enumerate(zip(pairs.state, pairs.target, strict=True))
     ]
     return Outputs(
-        logits=jnp.concatenate([outputs.logits[0] for outputs in found]),
-        value=jnp.concatenate([outputs.value[0] for outputs in found]),
+        logits=jnp.concatenate([outputs.logits[0] for outputs in heads]),
+        value=jnp.concatenate([outputs.value[0] for outputs in heads]),
     )
 
 
-def through_frames(
+def passes_by_frames(
     network: SiameseActorCritic, parameters: Parameters, world: World, targets: Targets, frames: int
 ) -> tuple[Forward, Backward]:
-    """Evaluate each frame when it is reached, from tables over states and over targets.
+    """Forward and backward pass by frames, from tables over states and over targets.
 
     Args:
         network: the network. Static.
@@ -162,19 +163,19 @@ def through_frames(
         grad_outputs = Outputs(_merge_time(grad_outputs.logits), _merge_time(grad_outputs.value))
         _, vjp = jax.vjp(lambda theta, t, p: combine(theta, t, p, views, target), parameters, tables, part)
         grad_combined, grad_tables, grad_part = vjp(grad_outputs)
-        # The part is linear: the products that jax.vjp evaluates here have no reader, and the compiler drops them.
+        # `state_part` is linear, so nothing uses the forward pass of this jax.vjp, and the compiler removes it.
         _, vjp = jax.vjp(lambda theta, t: state_part(theta, t, views), parameters, tables)
-        grad_views, more_grad_tables = vjp(grad_part)
+        grad_state_part, more_grad_tables = vjp(grad_part)
         grad_tabulated = tables_vjp(jax.tree.map(jnp.add, grad_tables, more_grad_tables))[0]
-        return jax.tree.map(lambda *parts: sum(parts), grad_combined, grad_views, grad_tabulated)
+        return jax.tree.map(lambda *parts: sum(parts), grad_combined, grad_state_part, grad_tabulated)
 
     return forward, backward
 
 
-def through_pairs(
+def passes_by_pairs(
     network: SiameseActorCritic, parameters: Parameters, world: World, targets: Targets, pairs: StateTargetPairs
 ) -> tuple[Forward, Backward]:
-    """Evaluate all pairs of a state and a target in advance, and look frames up.
+    """Forward and backward pass by pairs: all pairs of a state and a target are evaluated in advance.
 
     Args:
         network: the network; it observes one view. Static.
@@ -201,7 +202,7 @@ def through_pairs(
 
 
 def _merge_time(x: Array | None) -> Array:
-    """Merge time into the batch, [time groups batch …] → [groups time·batch …]: each group is one large product."""
+    """Merge time into the batch, [time groups batch …] → [groups time·batch …], for one large product per group."""
     assert x is not None
     time, groups, batch, *rest = x.shape
     return jnp.moveaxis(x, 0, 1).reshape(groups, time * batch, *rest)

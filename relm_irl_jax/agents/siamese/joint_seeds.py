@@ -1,8 +1,8 @@
-"""Several seeds of one training in one compiled program.
+"""Training of several seeds in one compiled program.
 
-Each seed has its own parameters, random keys, targets and reward, stacked on a first axis over which the update is
-mapped; the scenes are shared. The numbers of a seed are those that it would have alone, up to the order of sums. An
-accelerator that one seed leaves half idle trains several in little more time; a CPU gains nothing.
+Parameters, random keys, targets and reward of the seeds are stacked on a first axis, over which the update is vmapped;
+the scenes are shared. The results of a seed are the same as if it were trained alone, up to the order of sums. An
+accelerator that one seed does not keep busy trains several in little more time; a CPU would not be faster.
 """
 
 from collections.abc import Sequence
@@ -31,11 +31,10 @@ from relm_irl_jax.types import Parameters, Row, TrainingLog, TrainingProblem
 
 
 def stack_padded(trees: Sequence[Any]) -> list[jax.Array]:
-    """Stack the arrays of structures of one form on a new first axis.
+    """Stack the arrays of pytrees of the same structure on a new first axis.
 
     Args:
-        trees: structures whose arrays differ in length at most; shorter ones are padded with zeros at the end, so that
-            every valid index keeps its meaning.
+        trees: pytrees; shorter arrays are padded with zeros at the end, which does not change valid indices.
 
     Returns:
         The stacked arrays, in the order of `jax.tree.leaves`.
@@ -45,54 +44,55 @@ def stack_padded(trees: Sequence[Any]) -> list[jax.Array]:
         if len({array.shape for array in arrays}) == 1:
             return jnp.stack(arrays)
         longest = [max(sizes) for sizes in zip(*(array.shape for array in arrays), strict=True)]
-        pad = lambda array: [(0, most - size) for most, size in zip(longest, array.shape, strict=True)]  # noqa: E731
-        return jnp.stack([jnp.pad(array, pad(array)) for array in arrays])
+        padding = ([(0, n - size) for n, size in zip(longest, array.shape, strict=True)] for array in arrays)
+        return jnp.stack([jnp.pad(array, pad) for array, pad in zip(arrays, padding, strict=True)])
 
     return [stack(arrays) for arrays in zip(*map(jax.tree.leaves, trees), strict=True)]
 
 
 @dataclass(frozen=True)
 class _Structures:
-    """Structures of one seed, whose arrays all have the seed as first axis while several seeds are trained."""
+    """Pytree structures of one seed's state and inputs."""
 
     state: jax.tree_util.PyTreeDef
-    own: jax.tree_util.PyTreeDef
+    inputs: jax.tree_util.PyTreeDef
 
 
 @partial(jax.jit, static_argnames=("structures", "form", "updates"))
 def _run_updates_of_seeds(
     states: list[jax.Array],
-    own: list[jax.Array],
-    inputs: UpdateInputs,
+    seed_inputs: list[jax.Array],
+    shared: UpdateInputs,
     *,
     structures: _Structures,
     form: UpdateForm,
     updates: int,
 ) -> tuple[list[jax.Array], EpisodeSums]:
-    """Run several updates of all seeds as one program; `own` holds targets, target ranges, rewards and pairs."""
+    """Run several updates of all seeds as one program; `seed_inputs` are targets, target ranges, rewards and pairs."""
 
-    def run_seed(state: list[jax.Array], own: list[jax.Array]) -> tuple[list[jax.Array], EpisodeSums]:
-        targets, target_range, reward, pairs = jax.tree.unflatten(structures.own, own)
-        task = replace(inputs.task, targets=targets, target_range=target_range, reward=reward)
-        whole: TrainState = jax.tree.unflatten(structures.state, state)
-        whole, sums = run_updates(whole, replace(inputs, task=task, pairs=pairs), form=form, updates=updates)
-        return jax.tree.leaves(whole), sums
+    def run_seed(state: list[jax.Array], inputs: list[jax.Array]) -> tuple[list[jax.Array], EpisodeSums]:
+        targets, target_range, reward, pairs = jax.tree.unflatten(structures.inputs, inputs)
+        task = replace(shared.task, targets=targets, target_range=target_range, reward=reward)
+        train_state: TrainState = jax.tree.unflatten(structures.state, state)
+        update_inputs = replace(shared, task=task, pairs=pairs)
+        train_state, sums = run_updates(train_state, update_inputs, form=form, updates=updates)
+        return jax.tree.leaves(train_state), sums
 
-    return jax.vmap(run_seed)(states, own)
+    return jax.vmap(run_seed)(states, seed_inputs)
 
 
 def train_seeds(
     keys: Sequence[PRNGKeyArray], problems: Sequence[TrainingProblem], settings: SiameseSettings, log: TrainingLog
 ) -> list[tuple[Parameters, LearningCurve]]:
-    """Train one network for each seed, all at once.
+    """Train one network for each seed, in one program.
 
     Args:
         keys: source of all randomness of each seed.
-        problems: what each seed is to learn: the same scenes, cap, frames and return scale, as many targets, rewards of
-            one kind.
+        problems: the problem of each seed, all with the same scenes, cap, frames, return scale, number of targets and
+            kind of reward.
         settings: the agent's settings.
-        log: receives the progress, and restores an interrupted training. Its rows have the columns of every seed, with
-            the place of the seed before their names.
+        log: receives the progress, and restores an interrupted training. Its rows have the columns of every seed; their
+            names start with the position of the seed.
 
     Returns:
         The network's parameters and the learning curve of each seed.
@@ -104,37 +104,37 @@ def train_seeds(
     scene_head = scene_heads(shared.world, settings)
     form = update_form(settings, int(scene_head.max()) + 1)
     n_heads = form.network.n_heads
-    ranges = [worker_target_ranges(own.targets, scene_head, n_heads, settings.workers) for own in problems]
+    ranges = [worker_target_ranges(each.targets, scene_head, n_heads, settings.workers) for each in problems]
     frames_per_update = ranges[0].first.size * settings.t_max
-    pairs = [pairs_if_cheaper(own, scene_head, form.network, frames_per_update) for own in problems]
+    pairs = [pairs_if_cheaper(each, scene_head, form.network, frames_per_update) for each in problems]
     pairs = [None] * len(pairs) if None in pairs else pairs
     inputs = [
-        update_inputs(own, settings, target_range, own_pairs)
-        for own, target_range, own_pairs in zip(problems, ranges, pairs, strict=True)
+        update_inputs(problem, settings, target_range, problem_pairs)
+        for problem, target_range, problem_pairs in zip(problems, ranges, pairs, strict=True)
     ]
-    states = [init_train_state(key, seed_inputs, form) for key, seed_inputs in zip(keys, inputs, strict=True)]
-    own = [(i.task.targets, i.task.target_range, i.task.reward, i.pairs) for i in inputs]
-    structures = _Structures(jax.tree.structure(states[0]), jax.tree.structure(own[0]))
-    stacked_states, stacked_own = stack_padded(states), stack_padded(own)
+    states = [init_train_state(key, each, form) for key, each in zip(keys, inputs, strict=True)]
+    seed_inputs = [(each.task.targets, each.task.target_range, each.task.reward, each.pairs) for each in inputs]
+    structures = _Structures(jax.tree.structure(states[0]), jax.tree.structure(seed_inputs[0]))
+    stacked_states, stacked_inputs = stack_padded(states), stack_padded(seed_inputs)
     chunks = split_into_chunks(shared.frames, frames_per_update)
 
     def chunk(states: list[jax.Array], number: int) -> tuple[list[jax.Array], Row]:
         states, sums = _run_updates_of_seeds(
-            states, stacked_own, inputs[0], structures=structures, form=form, updates=chunks.updates
+            states, stacked_inputs, inputs[0], structures=structures, form=form, updates=chunks.updates
         )
         row = {"frames": float((number + 1) * chunks.frames)}
-        for place in range(len(keys)):
-            means = learning_row(jax.tree.map(lambda x, place=place: x[place], sums), number, chunks)
-            row |= {f"{place}/{name}": value for name, value in means.items()}
+        for position in range(len(keys)):
+            means = learning_row(jax.tree.map(lambda x, position=position: x[position], sums), number, chunks)
+            row |= {f"{position}/{name}": value for name, value in means.items()}
         return states, row
 
     stacked_states, rows = run_chunks(stacked_states, chunk, chunks, log)
     trained = []
-    for place in range(len(keys)):
-        prefix = f"{place}/"
+    for position in range(len(keys)):
+        prefix = f"{position}/"
         curve: list[Row] = [
             {name.removeprefix(prefix): row[name] for name in row if name.startswith(prefix)} for row in rows
         ]
-        state: TrainState = jax.tree.unflatten(structures.state, [x[place] for x in stacked_states])
+        state: TrainState = jax.tree.unflatten(structures.state, [x[position] for x in stacked_states])
         trained.append((state.parameters, curve_from_rows(LearningCurve, curve)))
     return trained

@@ -39,15 +39,15 @@ def n_step_returns(
     """Discounted returns up to the end of the episode or of the rollout (Equation 18; Algorithm 1, lines 12-15).
 
         R_t = r_t                      if the step reached the target,
-        R_t = r_t + γ V(s_{t+1})       if it was the episode's last allowed or the rollout's last,
+        R_t = r_t + γ V(s_{t+1})       if it was truncated or the rollout's last,
         R_t = r_t + γ R_{t+1}          otherwise.
 
-    Only reaching the target sets the next value to zero; running out of steps does not.
+    Termination sets the next value to zero; truncation does not.
 
     Args:
         reward: rewards.
         terminated: whether the step reached the target.
-        truncated: whether the step was the episode's last allowed one.
+        truncated: whether the step reached the cap.
         next_value: value of the state after each step, before any reset.
         discount: γ.
 
@@ -73,25 +73,25 @@ def next_values(
 ) -> Float32[Array, "time groups batch"]:
     """Value of the state after each step, before any reset.
 
-    Within an episode it is known from the next step; after the rollout's last step and after a truncated one it is
-    computed here. Since the cap is not below t_max, a worker is truncated at most once in a rollout.
+    Within an episode it is the value at the next step. It is computed here for the rollout's last step and for
+    truncated steps. Since the cap is at least t_max, each worker is truncated at most once in a rollout.
 
     Args:
         value: maps last states and targets to values.
         experience: the steps; their `output` is an `Evaluation`.
 
     Returns:
-        The values; any number after a step that reached the target.
+        The values; arbitrary for steps that reached the target.
     """
     views, values = experience.output.views, experience.output.outputs.value
     next_views = jnp.concatenate([experience.next_state[..., None], views[..., :-1]], -1)
-    cut = jnp.argmax(experience.truncated, axis=0)[None]
-    after_cut = value(
-        jnp.take_along_axis(next_views, cut[..., None], 0)[0], jnp.take_along_axis(experience.target, cut, 0)[0]
+    step = jnp.argmax(experience.truncated, axis=0)[None]
+    after_truncation = value(
+        jnp.take_along_axis(next_views, step[..., None], 0)[0], jnp.take_along_axis(experience.target, step, 0)[0]
     )
     after_last = value(next_views[-1], experience.target[-1])
-    following = jnp.where(experience.truncated[:-1], after_cut, values[1:])
-    return jnp.concatenate([following, after_last[None]])
+    after_others = jnp.where(experience.truncated[:-1], after_truncation, values[1:])
+    return jnp.concatenate([after_others, after_last[None]])
 
 
 def actor_critic_loss(
@@ -106,7 +106,7 @@ def actor_critic_loss(
         δ_t = R_t − V(s_t),   R_t from rewards divided by the return scale
         loss = mean( −log π(a_t|s_t) δ_t + c_v δ_t² − c_e H(π(·|s_t)) )
 
-    with δ_t held fixed in the first term and R_t in both.
+    where gradients flow neither through δ_t in the first term nor through R_t.
 
     Args:
         outputs: policy and value at each step.

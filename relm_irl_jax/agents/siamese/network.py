@@ -1,15 +1,15 @@
 """The target-driven actor-critic network (paper, Figure 2; the siamese model of section 5.3).
 
     z(x)   = ReLU(Σ_j x_j W_j + b)           shared by current and target view; x_0, x_1, … are the last views, the
-                                             latest first, and for the target its one view repeated
+                                             latest first; for the target, its view is repeated
     h      = ReLU(z(s) U + z(g) V + c)       fusion of the concatenation [z(s), z(g)]; optionally also of r(s, g)
     k      = ReLU(h H_i + d_i)               layer of head i, one for each room type or scene
     logits = k P_i + p_i,   value = k q_i + r_i
 
-Views are few and fixed. What depends on single views is therefore computed once for each update, as tables over all
-states and all targets (`tables`), and the layers that combine view and target follow from look-ups (`evaluate`). Where
-an update has fewer frames than there are states, tables of all states would cost more than they save, and the shared
-layer is applied to the views of each frame.
+There are few distinct views. Layers that depend on single views are therefore computed once for each update, as tables
+over all states and all targets (`tables`); the layers that combine view and target look these up (`evaluate`). If an
+update has fewer frames than there are states, tables over all states would take more time than they save; the shared
+layer is then applied to the views of each frame.
 """
 
 from dataclasses import dataclass
@@ -26,14 +26,14 @@ from relm_irl_jax.scenes.scene import ACTIONS
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Tables:
-    """What is computed once for each update; exactly one of the first three is present.
+    """Tables that are computed once for each update; exactly one of the first three is present.
 
     Attributes:
-        fusion: z(s) U + c for every state, where one view is observed.
-        shared: x W_j for every state and each of the last views, where several are observed.
-        features: encoded views, where nothing is computed in advance for states.
+        fusion: z(s) U + c for every state, if one view is observed.
+        shared: x W_j for every state and each of the last views, if several views are observed.
+        features: encoded views, if there are no tables over states.
         target: z(g) V for every target.
-        predicted_reward: r(s, g), where it is observed.
+        predicted_reward: r(s, g), if it is observed.
     """
 
     fusion: Float32[Array, "states width"] | None
@@ -65,8 +65,8 @@ class SiameseActorCritic(nn.Module):
         width: units of each hidden layer.
         history: number of last views that are observed.
         observe_reward: whether the fusion layer also receives the predicted reward r(s, g).
-        uniform: whether initial weights are uniform in ±1/√inputs, as the original agent's, instead of He's normal
-            ones with small ones for the policy.
+        uniform: whether initial weights are uniform on ±1/√inputs, as in the original agent, instead of He's normal
+            distribution with small weights for the policy.
     """
 
     n_heads: int
@@ -78,16 +78,19 @@ class SiameseActorCritic(nn.Module):
     def setup(self) -> None:
         """Declare the layers."""
         draw = partial(nn.initializers.variance_scaling, batch_axis=(0,))
-        # The few outputs are rows: their gradient is then a few long rows, which is three times as fast.
+        # Kernels with few outputs have these as rows, which makes the gradient three times as fast.
         draw_rows = partial(draw, in_axis=-1, out_axis=-2)
         if self.uniform:
             # Variance of the uniform distribution on ±1/√inputs; each half of the fusion layer has half the inputs.
-            law = (1 / 3, "fan_in", "uniform")
-            layer, policy, value = draw(*law), draw_rows(*law), draw_rows(*law)
-            shared, half = nn.initializers.variance_scaling(*law), nn.initializers.variance_scaling(1 / 6, *law[1:])
+            distribution = (1 / 3, "fan_in", "uniform")
+            layer, policy, value = draw(*distribution), draw_rows(*distribution), draw_rows(*distribution)
+            shared, half = (
+                nn.initializers.variance_scaling(*distribution),
+                nn.initializers.variance_scaling(1 / 6, *distribution[1:]),
+            )
         else:
-            law = (2.0, "fan_in", "truncated_normal")
-            layer, policy, value = draw(*law), draw_rows(1e-4, *law[1:]), draw_rows(*law)
+            distribution = (2.0, "fan_in", "truncated_normal")
+            layer, policy, value = draw(*distribution), draw_rows(1e-4, *distribution[1:]), draw_rows(*distribution)
             shared, half = nn.initializers.he_normal(), nn.initializers.lecun_normal()
         zeros = nn.initializers.zeros
         self.shared = nn.Dense(self.width, kernel_init=shared)
@@ -111,7 +114,7 @@ class SiameseActorCritic(nn.Module):
         head: Int32[Array, "groups"],
         predicted_reward: Float32[Array, "targets states"] | None = None,
     ) -> Outputs:
-        """Policy and value of frames, with no tables of all states.
+        """Policy and value of frames, without tables over states.
 
         Args:
             features: encoded view of every state.
@@ -119,7 +122,7 @@ class SiameseActorCritic(nn.Module):
             views: last states in the world, the latest first.
             target: rows of the targets.
             head: head of each group.
-            predicted_reward: r(s, g), where it is observed.
+            predicted_reward: r(s, g), if it is observed.
 
         Returns:
             Action logits and values.
@@ -135,13 +138,13 @@ class SiameseActorCritic(nn.Module):
         *,
         every_state: bool,
     ) -> Tables:
-        """Compute the shared layer and both halves of the fusion layer, as far as they depend on single views.
+        """Compute the shared layer and both halves of the fusion layer for single views.
 
         Args:
             features: encoded view of every state.
             target_state: state of every target.
-            predicted_reward: r(s, g), where it is observed.
-            every_state: whether to compute tables of all states, or of the targets alone. Static.
+            predicted_reward: r(s, g), if it is observed.
+            every_state: whether to compute tables over all states, or only over targets. Static.
 
         Returns:
             The tables.
@@ -168,7 +171,7 @@ class SiameseActorCritic(nn.Module):
         """Policy and value of frames, from the tables.
 
         Args:
-            tables: what was computed in advance.
+            tables: the tables.
             views: last states in the world, the latest first.
             target: rows of the targets.
             head: head of each group.
@@ -181,16 +184,16 @@ class SiameseActorCritic(nn.Module):
     def state_part(
         self, tables: Tables, views: Int32[Array, "groups batch history"]
     ) -> Float32[Array, "groups batch width"]:
-        """What depends on the views alone, up to the first non-linearity that has to be computed for each frame.
+        """The layers that depend only on the views, up to the first non-linearity that is not in a table.
 
-        It is linear in parameters and tables: its gradient needs no forward pass.
+        The result is linear in the parameters and in the tables, so that its gradient needs no forward pass.
 
         Args:
-            tables: what was computed in advance.
+            tables: the tables.
             views: last states in the world, the latest first.
 
         Returns:
-            z(s) U + c from a table of it, or else the shared layer before its ReLU.
+            z(s) U + c if there is a table of it; otherwise the shared layer before its ReLU.
         """
         if tables.fusion is not None:
             return tables.fusion[views[..., 0]]
@@ -208,11 +211,11 @@ class SiameseActorCritic(nn.Module):
         target: Int32[Array, "groups batch"],
         head: Int32[Array, "groups"],
     ) -> Outputs:
-        """Policy and value from the part of the views, the target and the head.
+        """Policy and value from the layers that depend only on the views, the target and the head.
 
         Args:
-            tables: what was computed in advance.
-            state_part: from `state_part`.
+            tables: the tables.
+            state_part: the result of `state_part`.
             views: last states in the world, the latest first.
             target: rows of the targets.
             head: head of each group.

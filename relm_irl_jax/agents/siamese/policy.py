@@ -1,4 +1,4 @@
-"""The trained actor-critic as a policy for the scenes and targets at hand."""
+"""Policies of the trained actor-critic for given scenes and targets."""
 
 from dataclasses import dataclass, field
 
@@ -20,14 +20,14 @@ Batch = Int32[Array, "scenes batch"]
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class SeveralViewsPolicy:
-    """A network that observes several views, with its tables of all states and targets; remembers the last views.
+    """Policy of a network that observes several views; its memory is the last views.
 
     Attributes:
         parameters: the network's parameters.
-        tables: what is computed once for every state and every target.
+        tables: the network's tables over all states and targets.
         head: head of each scene.
         network: the network. Static.
-        greedy: take the most probable action instead of drawing from the policy. Static.
+        greedy: whether to take the most probable action instead of drawing one. Static.
     """
 
     parameters: Parameters
@@ -37,11 +37,11 @@ class SeveralViewsPolicy:
     greedy: bool = field(default=False, metadata={"static": True})
 
     def init(self, shape: Shape) -> Memory:
-        """No earlier views."""
+        """Memory without earlier views."""
         return initial_memory(shape, self.network.history)
 
     def act(self, key: PRNGKeyArray, memory: Memory, observation: Observation, target: Batch) -> tuple[Memory, Batch]:
-        """Act by the network's policy."""
+        """Choose actions by the network's policy."""
         memory, views = observe_views(memory, observation)
         outputs = evaluate(self.network, self.parameters, self.tables, views, target, self.head)
         return memory, choose_action(key, outputs.logits, self.greedy)
@@ -50,13 +50,13 @@ class SeveralViewsPolicy:
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class PairPolicy:
-    """A network that observes one view, evaluated on every pair of a state and a target; remembers nothing.
+    """Policy of a network that observes one view, evaluated on all pairs of a state and a target; it has no memory.
 
     Attributes:
         outputs: policy and value of every pair.
         pairs: the pairs.
         world: the scenes.
-        greedy: take the most probable action instead of drawing from the policy. Static.
+        greedy: whether to take the most probable action instead of drawing one. Static.
     """
 
     outputs: Outputs
@@ -69,6 +69,6 @@ class PairPolicy:
         return NO_MEMORY
 
     def act(self, key: PRNGKeyArray, memory: Memory, observation: Observation, target: Batch) -> tuple[Memory, Batch]:
-        """Act by the network's policy."""
+        """Choose actions by the network's policy."""
         logits = self.outputs.logits[self.pairs.index(self.world, observation.view, target)]
         return memory, choose_action(key, logits, self.greedy)

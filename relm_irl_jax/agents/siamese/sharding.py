@@ -1,8 +1,8 @@
-"""Workers over devices: each device steps its share of them with its own copy of θ, and gradients are averaged.
+"""Data parallelism: each device steps a share of the workers with its own copy of θ, and gradients are averaged.
 
-What a worker does is independent of the device that steps it, so one and eight devices, of one process or of several,
-compute the same numbers up to the order of sums. What every device repeats limits the gain: the tables of the shared
-layer, or all pairs of a state and a target where those are evaluated. In each update devices exchange one gradient of
+A worker's steps do not depend on its device, so any number of devices, in one process or several, gives the same
+results up to the order of sums. The speed-up is limited by computations that every device repeats: the tables of the
+shared layer, or the evaluation of all pairs of a state and a target. In each update, devices exchange one gradient of
 θ, or the smaller gradient with respect to logits and values of the pairs.
 """
 
@@ -20,14 +20,14 @@ Tree = TypeVar("Tree")
 
 
 def usable_devices(workers: int, devices: Sequence[jax.Device] | None = None) -> list[jax.Device]:
-    """As many devices as divide the workers evenly.
+    """The largest number of devices that divides the workers evenly.
 
     Args:
         workers: workers of a head.
-        devices: devices to choose from; those of all processes where None.
+        devices: devices to choose from; those of all processes if None.
 
     Returns:
-        The first of them.
+        The first devices of the list.
     """
     chosen = list(jax.devices() if devices is None else devices)
     return chosen[: max(n for n in range(1, len(chosen) + 1) if max(workers, 1) % n == 0)]
@@ -36,28 +36,28 @@ def usable_devices(workers: int, devices: Sequence[jax.Device] | None = None) ->
 def shard_workers(
     state: TrainState, inputs: UpdateInputs, devices: Sequence[jax.Device]
 ) -> tuple[TrainState, UpdateInputs]:
-    """Distribute workers over devices, and copy everything else to each of them.
+    """Distribute workers over devices, and replicate everything else.
 
     Args:
         state: the state of training, the same in every process.
-        inputs: what training looks up, the same in every process.
-        devices: devices to use, see `usable_devices`.
+        inputs: inputs of the updates, the same in every process.
+        devices: devices to use; see `usable_devices`.
 
     Returns:
-        Both, placed; compiled functions of them run on all the devices.
+        State and inputs as arrays on these devices, on which compiled functions of them run.
     """
     mesh = jax.make_mesh((len(devices),), ("workers",), (AxisType.Auto,), devices=devices)
-    sharded, copied = (NamedSharding(mesh, PartitionSpec(*axes)) for axes in ((None, "workers"), ()))
-    workers, target_range = _placed(state.workers, sharded), _placed(inputs.task.target_range, sharded)
-    inputs = _placed(inputs, copied)
+    sharded, replicated = (NamedSharding(mesh, PartitionSpec(*axes)) for axes in ((None, "workers"), ()))
+    workers, target_range = _put_on_devices(state.workers, sharded), _put_on_devices(inputs.task.target_range, sharded)
+    inputs = _put_on_devices(inputs, replicated)
     return (
-        replace(_placed(state, copied), workers=workers),
+        replace(_put_on_devices(state, replicated), workers=workers),
         replace(inputs, task=replace(inputs.task, target_range=target_range)),
     )
 
 
-def _placed(tree: Tree, sharding: NamedSharding) -> Tree:
-    """Arrays that every process holds whole, as arrays of all processes' devices."""
+def _put_on_devices(tree: Tree, sharding: NamedSharding) -> Tree:
+    """Convert arrays that every process has in full to arrays on the devices of all processes."""
     if jax.process_count() == 1:
         return jax.device_put(tree, sharding)
 

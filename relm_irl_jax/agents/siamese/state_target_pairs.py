@@ -1,4 +1,4 @@
-"""Every pair of a training target and a state of its scene, numbered so that those of one head are consecutive."""
+"""All pairs of a target and a state of its scene, numbered so that those of one head are consecutive."""
 
 from dataclasses import dataclass
 
@@ -18,7 +18,7 @@ class StateTargetPairs:
     Attributes:
         state: for each head, state in the world of each pair.
         target: for each head, row of `Targets` of each pair.
-        first: index of each target's pair with the first state of its scene; those with the others follow.
+        first: index of each target's pair with the first state of its scene; the pairs with the other states follow.
     """
 
     state: tuple[Int32[Array, "_"], ...]
@@ -67,13 +67,13 @@ def state_target_pairs(
     order = np.concatenate(by_head)
     first = np.zeros(len(target_scene), np.int32)
     first[order] = np.cumsum([0, *(len(states[row]) for row in order)])[:-1]
-    nothing = np.zeros(0, np.int32)
+    empty = np.zeros(0, np.int32)
 
-    def joined(parts: list[np.ndarray]) -> Array:
-        return jnp.asarray(np.concatenate([nothing, *parts]), jnp.int32)
+    def concatenate(parts: list[np.ndarray]) -> Array:
+        return jnp.asarray(np.concatenate([empty, *parts]), jnp.int32)
 
     return StateTargetPairs(
-        state=tuple(joined([states[row] for row in rows]) for rows in by_head),
-        target=tuple(joined([np.full(len(states[row]), row) for row in rows]) for rows in by_head),
+        state=tuple(concatenate([states[row] for row in rows]) for rows in by_head),
+        target=tuple(concatenate([np.full(len(states[row]), row) for row in rows]) for rows in by_head),
         first=jnp.asarray(first),
     )

@@ -1,4 +1,4 @@
-"""Training of the siamese actor-critic: many updates in one compiled program, a few numbers from each chunk of them."""
+"""Training of the siamese actor-critic: preparation, and chunks of updates as one compiled program."""
 
 from functools import partial
 from typing import cast
@@ -46,9 +46,9 @@ def scene_heads(world: World, settings: SiameseSettings) -> Int[np.ndarray, "sce
     head = np.asarray(world.training_scene if settings.heads == "scene" else world.room_type)
     if head.min() < 0:
         name = world.names[int(np.argmin(head))]
-        what = "it" if settings.heads == "scene" else "its room type"
+        subject = "it" if settings.heads == "scene" else "its room type"
         raise InputError(
-            f"{name}: siamese.heads = {settings.heads} has no head for this scene, since {what} was not trained; "
+            f"{name}: siamese.heads = {settings.heads} has no head for this scene, since {subject} was not trained; "
             "use siamese.heads = shared."
         )
     return head
@@ -70,7 +70,7 @@ def update_form(settings: SiameseSettings, n_heads: int) -> UpdateForm:
 
 
 def optimizer_numbers(settings: SiameseSettings) -> OptimizerNumbers:
-    """The optimiser's numbers. Where workers' gradients are summed, the bound on the norm counts once for each worker.
+    """The optimiser's numbers. If gradients are summed, the bound on their norm is multiplied by the number of workers.
 
     Args:
         settings: the agent's settings.
@@ -88,10 +88,10 @@ def optimizer_numbers(settings: SiameseSettings) -> OptimizerNumbers:
 def worker_target_ranges(
     targets: Targets, scene_head: Int[np.ndarray, "scenes"], n_heads: int, workers: int
 ) -> TargetRange:
-    """Assign workers to targets: an equal share of the workers to each head, and each to all targets of that head.
+    """Divide the workers evenly among the heads; each worker draws from all targets of its head.
 
     Args:
-        targets: the training targets, sorted so that those of one head are consecutive.
+        targets: the training targets, in an order in which those of one head are consecutive.
         scene_head: head of each scene.
         n_heads: number of heads.
         workers: number of workers.
@@ -106,27 +106,28 @@ def worker_target_ranges(
     first = np.asarray([np.searchsorted(head, number) for number in range(n_heads)])
     count = np.bincount(head, minlength=n_heads)
     if count.min() == 0:
-        raise InputError("tasks.training_targets: some head of the network has no training target; ask for more.")
+        raise InputError("tasks.training_targets: some head of the network has no training target; give more targets.")
     if workers < n_heads:
-        raise InputError(f"siamese.workers: {workers} workers cannot serve {n_heads} heads; ask for more.")
-    share = (n_heads, workers // n_heads)
-    spread = lambda values: jnp.asarray(np.broadcast_to(values[:, None], share), jnp.int32)  # noqa: E731
-    return TargetRange(first=spread(first), count=spread(count))
+        raise InputError(
+            f"siamese.workers: {workers} workers are too few for {n_heads} heads; give at least {n_heads}."
+        )
+    shape = (n_heads, workers // n_heads)
+    return TargetRange(*(jnp.asarray(np.broadcast_to(values[:, None], shape), jnp.int32) for values in (first, count)))
 
 
 def pairs_if_cheaper(
     problem: TrainingProblem, scene_head: Int[np.ndarray, "scenes"], network: SiameseActorCritic, frames: int
 ) -> StateTargetPairs | None:
-    """All pairs of a state and a target, where there are no more of them than frames.
+    """All pairs of a state and a target, if there are no more pairs than frames.
 
     Args:
-        problem: gives scenes and targets.
+        problem: the problem, which has the scenes and targets.
         scene_head: head of each scene.
         network: the network.
-        frames: frames of an update that one device evaluates.
+        frames: frames of an update on one device.
 
     Returns:
-        The pairs; None where frames are evaluated one by one, as always where several views are observed.
+        The pairs; None if there are more pairs than frames, or if several views are observed.
     """
     if network.history > 1:
         return None
@@ -137,19 +138,19 @@ def pairs_if_cheaper(
 def update_inputs(
     problem: TrainingProblem, settings: SiameseSettings, target_range: TargetRange, pairs: StateTargetPairs | None
 ) -> UpdateInputs:
-    """Everything that an update looks up.
+    """The constant inputs of all updates.
 
     Args:
-        problem: what is to be learned.
+        problem: the learning problem.
         settings: the agent's settings.
         target_range: targets of each worker.
-        pairs: all pairs, where these are evaluated.
+        pairs: all pairs, if updates evaluate pairs; otherwise None.
 
     Returns:
         The inputs.
 
     Raises:
-        InputError: the cap is below t_max, so that a worker might be truncated twice in a rollout.
+        InputError: the cap is below t_max, so that a worker could be truncated twice in a rollout.
     """
     if problem.cap < settings.t_max:
         raise InputError(f"siamese.t_max: {settings.t_max} exceeds the cap of {problem.cap} steps; lower it.")
@@ -169,7 +170,7 @@ def init_parameters(key: PRNGKeyArray, network: SiameseActorCritic, world: World
     Args:
         key: source of randomness.
         network: the network.
-        world: gives the number of features of a view.
+        world: the scenes, which give the number of features.
 
     Returns:
         The parameters.
@@ -184,19 +185,19 @@ def init_parameters(key: PRNGKeyArray, network: SiameseActorCritic, world: World
     )
 
 
-def prepare(
+def prepare_training(
     key: PRNGKeyArray, problem: TrainingProblem, settings: SiameseSettings, n_devices: int = 1
 ) -> tuple[TrainState, UpdateInputs, UpdateForm]:
-    """Everything that training starts from.
+    """Prepare a training.
 
     Args:
         key: source of all randomness of the training.
-        problem: what is to be learned.
+        problem: the learning problem.
         settings: the agent's settings.
         n_devices: devices that share the workers of each head.
 
     Returns:
-        The state before the first update, what updates look up, and their static part.
+        The state before the first update, the inputs of updates, and their static part.
 
     Raises:
         InputError: the settings do not suit the problem.

@@ -1,9 +1,10 @@
 """One update of the actor-critic: act t_max steps with every worker, then take one gradient step.
 
-All workers act with the same parameters θ and their gradients make one update: the synchronous limit of A3C, in which
-no worker's gradient is stale. Where A3C's workers apply theirs one after the other, θ moves by the sum of them. Adam
-moves as far by their mean, which does not depend on the number of workers and is the default; the original agent's
-RMSProp (`optimizer`) is close to gradient descent and needs the sum.
+All workers act with the same parameters θ, and their gradients are combined into one update. This is the synchronous
+limit of A3C, in which no gradient is stale. In A3C, workers apply their gradients one after the other, so θ moves by
+about the sum of them. Adam's step does not depend on the scale of the gradient; the default is therefore the mean,
+which does not depend on the number of workers. The original agent's RMSProp is close to gradient descent and needs the
+sum.
 """
 
 from dataclasses import dataclass
@@ -16,14 +17,14 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Float32, Int32, PRNGKeyArray
 
 from relm_irl_jax.agents.rollout import EpisodeSums, NavigationTask, Workers, rollout, sample_action
-from relm_irl_jax.agents.siamese.forward import Evaluation, through_frames, through_pairs
+from relm_irl_jax.agents.siamese.forward import Evaluation, passes_by_frames, passes_by_pairs
 from relm_irl_jax.agents.siamese.loss import LossWeights, actor_critic_loss, next_values
 from relm_irl_jax.agents.siamese.network import SiameseActorCritic
 from relm_irl_jax.agents.siamese.state_target_pairs import StateTargetPairs
 from relm_irl_jax.types import NO_MEMORY, Memory, Observation, Parameters
 
-NOTHING_SEEN = -1
-"""Entry of the memory for a view before the start of the episode."""
+NO_VIEW = -1
+"""Entry of the memory for views before the start of the episode."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,7 @@ class OptimizerNumbers:
 
     Attributes:
         learning_rate: step size.
-        decay_updates: updates over which the step size falls linearly to 0; infinite for a constant one.
+        decay_updates: updates over which the step size decreases linearly to 0; infinite for a constant step size.
         gradient_clip: largest global norm of a gradient.
     """
 
@@ -66,13 +67,13 @@ class OptimizerNumbers:
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class UpdateInputs:
-    """What an update looks up and does not change.
+    """The constant inputs of an update.
 
     Attributes:
         task: scenes, targets, reward and cap.
         loss: numbers of the loss.
         optimizer: numbers of the optimiser.
-        pairs: every pair of a target and a state, where evaluating all of them costs less than evaluating every frame.
+        pairs: all pairs of a target and a state, if evaluating them takes less time than evaluating every frame.
     """
 
     task: NavigationTask
@@ -84,13 +85,13 @@ class UpdateInputs:
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class TrainState:
-    """Everything that training carries from update to update.
+    """The state of a training between updates.
 
     Attributes:
         parameters: θ, the network's parameters.
         optimizer: the optimiser's state.
         workers: the workers; fields are [groups, batch].
-        key: source of all later randomness.
+        key: source of the remaining randomness.
     """
 
     parameters: Parameters
@@ -102,13 +103,13 @@ class TrainState:
 def make_optimizer(form: UpdateForm, numbers: OptimizerNumbers) -> optax.GradientTransformation:
     """The optimiser: gradients clipped by their global norm, then Adam, or the original agent's RMSProp:
 
-        ν ← 0.99 ν + 0.01 g²,   θ ← θ − η g / √(ν + 0.1),   ν = 1 at first
+        ν ← 0.99 ν + 0.01 g²,   θ ← θ − η g / √(ν + 0.1),   initially ν = 1
 
-    with η constant or falling linearly.
+    with η constant or decreasing linearly.
 
     Args:
-        form: gives the kind.
-        numbers: its numbers.
+        form: the update's static part, which has the kind of optimiser.
+        numbers: the optimiser's numbers.
 
     Returns:
         The gradient transformation.
@@ -134,7 +135,7 @@ def apply_gradient(
     """Take one gradient step.
 
     Args:
-        form: gives the kind of optimiser. Static.
+        form: the update's static part, which has the kind of optimiser. Static.
         numbers: the optimiser's numbers.
         gradient: gradient of the loss.
         optimizer: the optimiser's state.
@@ -156,17 +157,17 @@ def initial_memory(shape: tuple[int, ...], history: int) -> Memory:
         history: number of last views that the network observes.
 
     Returns:
-        Earlier views [groups batch history-1], the latest first; empty where one view is observed.
+        Earlier views [groups batch history-1], the latest first; empty if one view is observed.
     """
-    return jnp.full((*shape, history - 1), NOTHING_SEEN, jnp.int32) if history > 1 else NO_MEMORY
+    return jnp.full((*shape, history - 1), NO_VIEW, jnp.int32) if history > 1 else NO_MEMORY
 
 
 def observe_views(memory: Memory, observation: Observation) -> tuple[Memory, Int32[Array, "groups batch history"]]:
-    """Last views, the latest first; the start's own, repeated, where the episode is younger.
+    """The last views, the latest first. Before the start of the episode, its first view is repeated.
 
     Args:
         memory: earlier views.
-        observation: the current one.
+        observation: the current observation.
 
     Returns:
         The next memory, and the views that the network observes.
@@ -174,7 +175,7 @@ def observe_views(memory: Memory, observation: Observation) -> tuple[Memory, Int
     view = observation.view[..., None]
     if isinstance(memory, tuple):
         return memory, view
-    views = jnp.concatenate([view, jnp.where(memory == NOTHING_SEEN, view, memory)], -1)
+    views = jnp.concatenate([view, jnp.where(memory == NO_VIEW, view, memory)], -1)
     return views[..., :-1], views
 
 
@@ -193,9 +194,9 @@ def update(state: TrainState, inputs: UpdateInputs, form: UpdateForm) -> tuple[T
     task, network, shape = inputs.task, form.network, inputs.task.target_range.first.shape
     if inputs.pairs is None:
         frames = shape[0] * shape[1] * form.t_max
-        forward, backward = through_frames(network, state.parameters, task.world, task.targets, frames)
+        forward, backward = passes_by_frames(network, state.parameters, task.world, task.targets, frames)
     else:
-        forward, backward = through_pairs(network, state.parameters, task.world, task.targets, inputs.pairs)
+        forward, backward = passes_by_pairs(network, state.parameters, task.world, task.targets, inputs.pairs)
 
     def act(
         key: PRNGKeyArray, memory: Memory, observation: Observation, target: Array

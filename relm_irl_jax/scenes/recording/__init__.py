@@ -1,1 +1,1 @@
-"""Recording of scenes of other simulators as scene files."""
+"""Recording of other simulators' scenes as scene files."""

@@ -1,4 +1,4 @@
-"""Recording of several scenes of one simulator into a folder of scene files."""
+"""Recording of several scenes of a simulator in a folder of scene files."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
@@ -23,7 +23,7 @@ class ExportedScene:
 
     Attributes:
         path: the file.
-        recording: what was recorded; None where the file existed.
+        recording: the recording; None if the file already existed.
         seconds: duration.
     """
 
@@ -36,7 +36,7 @@ def export_scenes(openers: Mapping[str, SceneOpener], folder: Path) -> Iterator[
     """Record scenes one after the other; existing files are not changed.
 
     Args:
-        openers: what opens each scene, by the name of its file.
+        openers: function that starts the simulator in each scene, by file name.
         folder: folder for the files.
 
     Yields:
@@ -72,7 +72,7 @@ def export_table(exported: Sequence[ExportedScene]) -> Table:
     for item in exported:
         recording = item.recording
         if recording is None:
-            table.add_row(item.path.name, "existed", *[""] * 5)
+            table.add_row(item.path.name, "exists", *[""] * 5)
             continue
         counts = (recording.scene.n_states, recording.refused, recording.closed, recording.disconnected)
         n_objects = len(best_views(recording.scene))

@@ -1,7 +1,7 @@
-"""Recording of scenes: every state of a simulator's scene is visited once and written to a scene file.
+"""Recording of scenes: every state of a simulator's scene is visited once, and the results become a scene file.
 
-While a scene is recorded, the results lie in a SQLite database beside the scene file, one row for each state, written
-as soon as the state is done. An interrupted recording continues from there. When all states are done the scene file is
+During a recording, the results are stored in a SQLite database in the same folder as the scene file, one row for each
+finished state. An interrupted recording continues from the database. When all states are finished, the scene file is
 written and the database deleted.
 """
 
@@ -29,18 +29,18 @@ OPPOSITE = (3, 2, 1, 0)
 """Number of the action that undoes each of `ACTIONS`."""
 
 Key = tuple[int, int, int]
-"""A pose in whole numbers: columns and rows from the first pose, quarter turns."""
+"""A pose in integers: columns and rows relative to the first pose, and quarter turns."""
 
 
 @dataclass(frozen=True)
 class Recording:
-    """A recorded scene and what was left out of it.
+    """A recorded scene, with counts of what was left out.
 
     Attributes:
         scene: the scene.
-        refused: number of poses that the simulator refused or changed, left out.
-        closed: number of moves that led elsewhere or could not be undone, replaced by collisions.
-        disconnected: number of states outside the largest connected component, left out.
+        refused: number of poses that were left out because the simulator refused or changed them.
+        closed: number of moves that became collisions because they led elsewhere or could not be undone.
+        disconnected: number of states that were left out because they are outside the largest connected component.
     """
 
     scene: Scene
@@ -54,14 +54,14 @@ def record_scene(simulated: SimulatorScene, path: Path) -> Recording:
 
     Args:
         simulated: the scene to visit.
-        path: file to write; a database lies beside it until the recording is complete.
+        path: file to write; the folder also contains a database until the recording is complete.
 
     Returns:
-        The scene as written, and counts of what was left out.
+        The recorded scene, and counts of what was left out.
 
     Raises:
-        InputError: no state can be used, or views differ in size.
-        ValueError: poses are off the grid or occur twice, or views are no uint8 RGB images.
+        InputError: there is no usable state, or views differ in size.
+        ValueError: poses are off the grid or occur twice, or views are not uint8 RGB images.
     """
     grid = _Grid(simulated.poses)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -84,21 +84,21 @@ def record_scene(simulated: SimulatorScene, path: Path) -> Recording:
 
 
 class _Grid:
-    """The grid on which the poses of a scene lie."""
+    """The grid of a scene's poses."""
 
     def __init__(self, poses: Sequence[Pose]):
         if not poses:
-            raise InputError("The simulator gives no pose; start it in another place.")
+            raise InputError("The simulator gives no pose; start it at another position.")
         self.first = poses[0]
         self.keys = [self.key(pose) for pose in poses]
         if None in self.keys:
             raise ValueError(f"{poses[self.keys.index(None)]} is off the grid of the first pose.")
         self.number = {key: number for number, key in enumerate(self.keys)}
         if len(self.number) < len(poses):
-            raise ValueError("The simulator gives a pose twice.")
+            raise ValueError("The simulator gives the same pose twice.")
 
     def key(self, pose: Pose | None) -> Key | None:
-        """Place and heading in whole numbers; None for a pose that is off the grid by more than rounding errors."""
+        """The pose in integers; None for a pose that is off the grid by more than rounding errors."""
         if pose is None or not np.isfinite(pose).all():
             return None
         steps = (pose.x - self.first.x) / GRID_STEP, (pose.z - self.first.z) / GRID_STEP, pose.rotation / 90
@@ -108,13 +108,13 @@ class _Grid:
 
 
 def _open_database(path: Path, simulated: SimulatorScene) -> sqlite3.Connection:
-    """Open the database of a recording; a damaged one, or one of another source, is replaced by an empty one."""
+    """Open the database of a recording; if it is damaged or has another source, it is replaced by an empty one."""
     poses = hashlib.sha256(repr([tuple(pose) for pose in simulated.poses]).encode()).hexdigest()
     identity = json.dumps([1, simulated.name, simulated.room_type, simulated.source, poses])
     for attempt in range(2):
         database = sqlite3.connect(path)
         try:
-            # A killed process loses nothing without waiting for the disk; only a power failure could.
+            # Without synchronisation, a killed process loses nothing; only a power failure could.
             database.execute("PRAGMA synchronous = OFF")
             with database:
                 database.execute("CREATE TABLE IF NOT EXISTS source (identity TEXT)")
@@ -138,18 +138,18 @@ def _open_database(path: Path, simulated: SimulatorScene) -> sqlite3.Connection:
 
 
 def _visit(simulated: SimulatorScene, grid: _Grid, pose: Pose) -> tuple[str | None, bytes | None, str | None, str]:
-    """Take the view and try all actions at one pose: the columns of its row, without image where it is refused."""
+    """Take the view and try all actions at one pose; returns the columns of its row, without image if it is refused."""
     view: View | None = simulated.view(pose)
     if view is None or grid.key(view.pose) != grid.key(pose):
         return None, None, None, "[]"
     image = view.image
     if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
         raise ValueError(f"{simulated.name}: views must be uint8 RGB, not {image.dtype} {image.shape}.")
-    # Where an action may lead is known; the row says whether it does: null for a collision, false for another pose.
+    # Each action can only lead to one pose; the row says whether it does: null for a collision, false for another pose.
     arrived = []
     for action in ACTIONS:
-        after = simulated.move(pose, action)
-        arrived.append(None if after is None else grid.key(after) == grid.key(next_pose(pose, action)))
+        reached = simulated.move(pose, action)
+        arrived.append(None if reached is None else grid.key(reached) == grid.key(next_pose(pose, action)))
     visible = {category: float(share) for category, share in view.visible_objects.items() if share > 0}
     return json.dumps(image.shape), image.tobytes(), json.dumps(visible), json.dumps(arrived)
 
@@ -159,7 +159,7 @@ def _build_scene(simulated: SimulatorScene, grid: _Grid, database: sqlite3.Conne
     rows = database.execute("SELECT number, moves FROM state WHERE frame IS NOT NULL ORDER BY number").fetchall()
     n_poses = len(simulated.poses)
     if not rows:
-        raise InputError(f"{simulated.name}: the simulator refuses all {n_poses} poses; start it elsewhere.")
+        raise InputError(f"{simulated.name}: the simulator refuses all {n_poses} poses; start it at another position.")
     graph, n_elsewhere = _recorded_moves(simulated, grid, rows)
     graph, n_one_way = _close_one_way_moves(graph)
     kept = _largest_component(graph, np.asarray([number for number, _ in rows]))
@@ -199,15 +199,15 @@ def _recorded_moves(
     n_elsewhere = 0
     for number, moves in rows:
         for action, arrived in enumerate(json.loads(moves)):
-            after = grid.number.get(grid.key(next_pose(simulated.poses[number], ACTIONS[action])))
-            if arrived and after in accepted:
-                graph[number, action] = after
+            next_number = grid.number.get(grid.key(next_pose(simulated.poses[number], ACTIONS[action])))
+            if arrived and next_number in accepted:
+                graph[number, action] = next_number
             n_elsewhere += arrived is False
     return graph, n_elsewhere
 
 
 def _close_one_way_moves(graph: Int32[np.ndarray, "states 4"]) -> tuple[Int32[np.ndarray, "states 4"], int]:
-    """Replace moves that the opposite action does not undo by collisions; the graph and their number."""
+    """Replace moves that the opposite action does not undo by collisions; returns the graph and their number."""
     state, action = np.nonzero(graph != COLLISION)
     one_way = graph[graph[state, action], np.asarray(OPPOSITE)[action]] != state
     closed = graph.copy()
@@ -228,7 +228,7 @@ def _largest_component(
 def _recorded_views(
     simulated: SimulatorScene, database: sqlite3.Connection, kept: Int64[np.ndarray, "kept"]
 ) -> tuple[UInt8[np.ndarray, "kept height width 3"], list[dict[str, float]]]:
-    """Images and shares of visible objects of the states that are kept."""
+    """Images and shares of visible objects of the kept states."""
     images, visible = None, []
     for state, number in enumerate(kept):
         shape, image, shares = database.execute(

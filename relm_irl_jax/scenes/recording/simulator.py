@@ -1,7 +1,7 @@
-"""What the recorder asks of a simulator: poses, the result of each action, and the view at each pose.
+"""The interface between a simulator and the recorder: poses, the result of each action, and the view at each pose.
 
-A simulator is connected by one function that returns a `SimulatorScene`; `relm_irl_jax.scenes.record_scene` visits all
-its poses and builds the `Scene`. `recording.vizdoom` and `recording.thor` are examples.
+A simulator provides one function that returns a `SimulatorScene`; `relm_irl_jax.scenes.record_scene` visits all its
+poses and builds the `Scene`. `recording.vizdoom` and `recording.thor` are examples.
 """
 
 import math
@@ -33,10 +33,10 @@ class Pose(NamedTuple):
 
 @dataclass(frozen=True)
 class View:
-    """What a simulator shows at a pose.
+    """The view at a pose.
 
     Attributes:
-        pose: the pose as the simulator reports it; states that it moved are left out of the recording.
+        pose: the pose that the simulator reports; if it differs from the requested pose, the recording leaves it out.
         image: RGB.
         visible_objects: share of the image that each category of objects covers, in (0, 1]; empty without labels.
     """
@@ -53,11 +53,11 @@ class SimulatorScene:
     Attributes:
         name: name of the scene, for example `map01`.
         room_type: room type of the scene.
-        source: simulator, its version and every setting that views or moves depend on; becomes `Scene.source`. An
-            interrupted recording continues only under the same source.
-        poses: the states, on one grid of `GRID_STEP` with headings at right angles, in any order, each once.
+        source: simulator, version and all settings on which views or moves depend; becomes `Scene.source`. An
+            interrupted recording only continues if the source is the same.
+        poses: the states, on one grid of `GRID_STEP` with headings at right angles, in any order, without duplicates.
         move: maps a pose and one of `ACTIONS` to the next pose, None for a collision. Must not depend on earlier calls.
-        view: maps a pose to its view, None where the camera cannot stand there. Must not depend on earlier calls.
+        view: maps a pose to its view, None if the camera cannot be there. Must not depend on earlier calls.
     """
 
     name: str

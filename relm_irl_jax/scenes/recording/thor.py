@@ -1,12 +1,12 @@
 """Scenes of AI2-THOR 5.0: iTHOR's rooms by name and ProcTHOR's houses by JSON file.
 
 - **States** are the reachable positions on a 0.5 m grid, requested once after a reset, with four headings each.
-- **Views and moves** each begin with a teleport to their pose. The recorder compares the pose that the simulator
-  reports, and leaves out what it refused or moved.
+- **Views and moves** each start with a teleport to their pose. The recorder checks the pose that the simulator reports,
+  and leaves out poses that it refused or changed.
 - **Objects** are those that the simulator reports as visible, with the share of the view that they cover.
 
-The simulator downloads its Unity build (about 1 GB) when it is first started. Without a display it needs Vulkan; where
-CUDA_VISIBLE_DEVICES is set it then also asks for `vulkaninfo`.
+The simulator downloads its Unity build (about 1 GB) on the first start. Without a display it needs Vulkan, and if
+CUDA_VISIBLE_DEVICES is set, also the program `vulkaninfo`.
 """
 
 import json
@@ -28,10 +28,10 @@ from relm_irl_jax.scenes.recording.simulator import Pose, SimulatorScene, View
 from relm_irl_jax.scenes.scene import GRID_STEP, HEADINGS
 
 VISIBILITY_DISTANCE = 100.0
-"""Distance in metres up to which objects count as visible; the default of 1.5 m would leave most targets out."""
+"""Distance in metres up to which objects count as visible; with the default of 1.5 m, most targets would be missing."""
 
 FIELD_OF_VIEW = 90
-"""Angle in degrees that a view covers, as in the built-in rooms."""
+"""Field of view in degrees, as in the built-in rooms."""
 
 _ROOM_TYPES = {0: "kitchen", 2: "living_room", 3: "bedroom", 4: "bathroom"}
 """Room types of iTHOR's scenes, by the hundreds of their numbers."""
@@ -79,20 +79,20 @@ def read_house(path: Path) -> dict[str, Any]:
         path: JSON file of one house.
 
     Returns:
-        The house as AI2-THOR takes it.
+        The house, in AI2-THOR's format.
 
     Raises:
-        InputError: the file is no house.
+        InputError: the file is not a house.
     """
     try:
         house = json.loads(path.read_text())
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: cannot be read as JSON ({error}); give a ProcTHOR house.") from error
     if not isinstance(house, dict) or not isinstance(house.get("rooms"), list):
-        raise InputError(f"{path}: is no ProcTHOR house; it has no list of `rooms`.")
+        raise InputError(f"{path}: is not a ProcTHOR house, since it has no list of `rooms`; give another file.")
     metadata = house.get("metadata")
     if not isinstance(metadata, dict) or not isinstance(metadata.get("agent"), dict):
-        raise InputError(f"{path}: does not say where the agent starts; add `metadata.agent`.")
+        raise InputError(f"{path}: the agent's start pose is missing; add `metadata.agent`.")
     return house
 
 
@@ -122,7 +122,7 @@ def thor_scene(
         name: name of the scene.
         plan: iTHOR's name, or a ProcTHOR house.
         settings: size and rendering of the views.
-        make_controller: makes the controller; by default AI2-THOR's own class.
+        make_controller: makes the controller; by default AI2-THOR's class.
 
     Yields:
         The scene; the simulator runs until the context ends.
@@ -133,7 +133,7 @@ def thor_scene(
     controller = _start(plan, settings, make_controller)
     try:
         if isinstance(plan, dict):
-            # A house's agent starts at the origin, which may lie in a wall.
+            # In a house the agent starts at the origin, which may be inside a wall.
             _step(controller, "TeleportFull", **plan["metadata"]["agent"])
         positions = _reachable_positions(controller, name)
         agent = _Agent(controller, positions)
@@ -152,19 +152,19 @@ class _Agent:
         self._positions = positions
 
     def move(self, pose: Pose, action: str) -> Pose | None:
-        """The pose after an action, None where the simulator refuses it."""
+        """The pose after an action, None if the simulator refuses it."""
         if not self._teleport(pose):
             return None
         event = _step(self._controller, action)
         return _pose(event) if event.metadata["lastActionSuccess"] else None
 
     def view(self, pose: Pose) -> View | None:
-        """The view at a pose, None where the simulator refuses the teleport."""
+        """The view at a pose, None if the simulator refuses the teleport."""
         event = self._teleport(pose)
         return View(_pose(event), np.array(event.frame[:, :, :3]), _visible_objects(event)) if event else None
 
     def _teleport(self, pose: Pose) -> Any:
-        """The event of a teleport, None where the simulator refuses it."""
+        """The event of a teleport, None if the simulator refuses it."""
         event = _step(
             self._controller,
             "Teleport",
@@ -213,14 +213,14 @@ def _visible_objects(event: Any) -> dict[str, float]:
 
 
 def _step(controller: Any, action: str, **arguments: Any) -> Any:
-    """Take one action of the controller; an InputError when the simulator has stopped."""
+    """Take one action of the controller; raises InputError if the simulator has stopped."""
     try:
         return controller.step(action, **arguments)
     except (RuntimeError, TimeoutError) as error:
         cause = str(error).strip().splitlines()
         raise InputError(
             f"AI2-THOR stopped at {action} ({cause[0] if cause else type(error).__name__}); "
-            "give the same command again to continue the recording."
+            "repeat the command to continue the recording."
         ) from error
 
 
@@ -250,7 +250,7 @@ def _start(plan: str | dict[str, Any], settings: ThorSettings, make_controller: 
             fieldOfView=FIELD_OF_VIEW,
             **platform,
         )
-    except Exception as error:  # whatever download, display, Vulkan or Unity say
+    except Exception as error:  # download, display, Vulkan and Unity raise many kinds of exceptions
         cause = str(error).strip().splitlines()
         raise InputError(
             f"AI2-THOR does not start ({cause[0] if cause else type(error).__name__}); it needs its Unity build, which "

@@ -1,18 +1,19 @@
-"""Scenes of ViZDoom: a game engine with human-made maps, without window and network.
+"""Scenes of ViZDoom, a game engine with human-made maps; it runs without window and network.
 
-The wheel of `vizdoom` holds the Freedoom maps, `map01` to `map32` and `e1m1` to `e4m9`.
+The wheel of `vizdoom` contains the Freedoom maps, `map01` to `map32` and `e1m1` to `e4m9`.
 
 - **Scale.** `map_units` map units, 32 by default, are 0.5 m. The player is 32 units wide and 56 tall, so neighbouring
   places do not overlap. The map's x is the scene's x, its y the scene's z; the player's start is a place.
-- **Moves** are the engine's own: the player is warped to a place, runs ahead, and has moved if it gets as far as the
+- **Moves** are tried in the engine: the player is warped to a place and runs ahead; the move succeeds if it reaches the
   next place. Solid objects, walls, steps higher than 24 units and closed doors are therefore collisions. States are the
   places that can be reached from the start and back, nearest first, up to a limit; drops bound the region. The start is
-  the player's, or, with `start = "objects"`, a place beside the object with the most kinds of others around it.
-- **Views** are the centre square of a 4:3 frame, cropped and never resampled, with a field of view at which the square
-  sees 90 degrees, as in the built-in rooms. Weapon, messages, HUD, flashes and monsters are off.
-- **Each place begins a fresh episode**, once for its views and once for its moves, which therefore do not depend on
-  other places: items that a move picks up are back, lights flicker in the same phase, and an interrupted recording
-  continues to the same file.
+  the player's start, or, with `start = "objects"`, a place near the object that is surrounded by the most kinds of
+  objects.
+- **Views** are the centre square of a 4:3 frame, cropped and never resampled. The field of view of the square is 90
+  degrees, as in the built-in rooms. Weapon, messages, HUD, flashes and monsters are off.
+- **Episodes.** The engine starts a new episode for the views and another one for the moves of each place. The results
+  therefore do not depend on other places: items that a move picked up are back, lights flicker in the same phase, and
+  an interrupted recording gives the same file.
 - **Objects** are the engine's labels: decorations and items by name, with the share of the view that they cover.
 """
 
@@ -40,17 +41,18 @@ class VizdoomSettings:
     """States and views of ViZDoom's maps."""
 
     states: int = Field(default=600, ge=8)
-    """Greatest number of states of a scene, four for each place; the original scenes have 180 to 900."""
+    """Largest number of states of a scene, four for each place; the original scenes have 180 to 900."""
     map_units: PositiveInt = 32
     """Map units in one step of 0.5 m."""
     image_size: int = Field(default=224, ge=8, le=RESOLUTIONS[-1][1])
     """Rows and columns of a view."""
     start: Literal["player", "objects"] = "player"
-    """Begin at the player's start, or where the most kinds of objects are near each other."""
+    """Start the region at the player's start (`player`), or where the most kinds of objects are (`objects`)."""
     room_type: str = Field(default="doom", pattern=f"^{NAME_PATTERN}$")
-    """Room type of the scenes. The siamese agent has a head for each; Task III seeks what was trained in the same."""
+    """Room type of the scenes. The siamese agent has a head for each room type, and Task III uses categories that were
+    trained in scenes of the same room type."""
     wad: Path | None = None
-    """WAD file with the maps; by default Freedoom's, from the wheel."""
+    """WAD file with the maps; by default Freedoom's in the wheel."""
 
 
 def vizdoom_maps(names: Sequence[str], settings: VizdoomSettings) -> dict[str, SceneOpener]:
@@ -105,7 +107,7 @@ def vizdoom_map(name: str, settings: VizdoomSettings) -> Iterator[SimulatorScene
 
 
 def _find_poses(player: Player, name: str, settings: VizdoomSettings) -> list[Pose]:
-    """Poses of the region that is recorded, four at each of its places; the first full region, or the largest."""
+    """Poses of the recorded region, four at each place; the first region of full size, or else the largest."""
     max_places = settings.states // 4
     starts = player.starts_near_objects(max_places) if settings.start == "objects" else [player.start]
     region: list[Pose] = []
@@ -128,26 +130,26 @@ def reachable_places(move: Callable[[Pose, str], Pose | None], start: Pose, max_
     Args:
         move: the pose after an action, None for a collision.
         start: first place.
-        max_places: number of places after which the search ends.
+        max_places: largest number of places.
 
     Yields:
-        The places as they are found, all with the first heading.
+        The places in the order of the search, all with the first heading.
     """
 
     def pose(offset: tuple[int, int], heading: float = HEADINGS[0]) -> Pose:
-        # Computed from the start, not from a neighbour: sums along two paths would differ by rounding.
+        # Computed from the start, since sums along different paths would differ by rounding errors.
         return Pose(start.x + GRID_STEP * offset[0], start.z + GRID_STEP * offset[1], heading)
 
     queue = [(0, 0)]
-    found = {(0, 0)}
+    visited = {(0, 0)}
     yield pose((0, 0))
-    for column, row in queue:  # grows as places are found
+    for column, row in queue:  # the loop appends to the queue
         for heading, (dx, dz) in zip(HEADINGS, ((0, 1), (1, 0), (0, -1), (-1, 0)), strict=True):
             neighbour = (column + dx, row + dz)
-            if len(queue) == max_places or neighbour in found:
+            if len(queue) == max_places or neighbour in visited:
                 continue
-            there = move(pose((column, row), heading), AHEAD)
-            if there is not None and move(pose(neighbour, heading), BACK) is not None:
-                found.add(neighbour)
+            reached = move(pose((column, row), heading), AHEAD)
+            if reached is not None and move(pose(neighbour, heading), BACK) is not None:
+                visited.add(neighbour)
                 queue.append(neighbour)
                 yield pose(neighbour)

@@ -1,4 +1,4 @@
-"""Starting ViZDoom: the package, its WAD files and the engine's options."""
+"""Start of ViZDoom: the package, its WAD files and the engine's options."""
 
 import re
 import struct
@@ -30,7 +30,7 @@ def vizdoom_package() -> ModuleType:
 
 
 def find_wad(vizdoom: ModuleType, map_name: str, wad: Path | None) -> Path:
-    """Find the WAD file that holds a map.
+    """Find the WAD file that contains a map.
 
     Args:
         vizdoom: the package.
@@ -41,24 +41,24 @@ def find_wad(vizdoom: ModuleType, map_name: str, wad: Path | None) -> Path:
         The file.
 
     Raises:
-        InputError: the file cannot be read or does not hold the map.
+        InputError: the file cannot be read or does not contain the map.
     """
     if wad is None:
         part = "freedoom1.wad" if re.fullmatch(r"e\dm\d", map_name.lower()) else "freedoom2.wad"
         wad = Path(vizdoom.__file__ or "").parent / part
     maps = _map_names(wad)
     if map_name.upper() not in maps:
-        raise InputError(f"{wad.name}: holds no map {map_name}; it has {', '.join(maps).lower()}.")
+        raise InputError(f"{wad.name}: contains no map {map_name}; it has {', '.join(maps).lower()}.")
     return wad
 
 
 def _map_names(wad: Path) -> list[str]:
-    """Names of the maps in a WAD file: the entries of its directory that are followed by `THINGS`."""
+    """Names of the maps in a WAD file: the entries of its directory before an entry `THINGS`."""
     try:
         content = wad.read_bytes()
         kind, count, offset = struct.unpack_from("<4sii", content)
         if kind not in (b"IWAD", b"PWAD"):
-            raise InputError(f"{wad}: is no WAD file; give one, or leave `--wad` out for Freedoom's maps.")
+            raise InputError(f"{wad}: is not a WAD file; give another, or leave out `--wad` for Freedoom's maps.")
         names = [
             struct.unpack_from("<8s", content, offset + 16 * entry + 8)[0].rstrip(b"\0").decode("ascii", "replace")
             for entry in range(count)
@@ -74,7 +74,7 @@ def start_engine(vizdoom: ModuleType, map_name: str, wad: Path, resolution: tupl
     Args:
         vizdoom: the package.
         map_name: the map.
-        wad: the file that holds it.
+        wad: the WAD file of the map.
         resolution: columns and rows of a frame, one of `RESOLUTIONS`.
         folder: folder for the files that the engine writes.
 

@@ -1,4 +1,4 @@
-"""The player of a running ViZDoom engine: it is warped to places, moved, and asked what it sees."""
+"""The player of a running ViZDoom engine: moves and views at any pose."""
 
 import math
 from functools import cache, lru_cache
@@ -11,7 +11,7 @@ from relm_irl_jax.scenes.recording.simulator import AHEAD, BACK, Pose, View, nex
 from relm_irl_jax.scenes.scene import GRID_STEP, HEADINGS
 
 SETTLING_TICS = 10
-"""Tics until the player obeys after the start of an episode, and until eye height and field of view have settled after
+"""Tics until the player reacts after the start of an episode, and until eye height and field of view have settled after
 a warp."""
 
 STOPPING_TICS = 64
@@ -25,13 +25,13 @@ THRUST, FRICTION = 1.5625, 0.90625
 its speed each tic."""
 
 TOLERANCE = 1.0
-"""Map units by which a move may end before the next place or beside the straight line."""
+"""Map units by which the end of a move may be short of the next place or off the straight line."""
 
-NO_OBJECTS = ("Self", "Player", "Internal", "MapSpot", "SFX", "ScriptThing", "DynamicLight", "Token")
-"""Categories of labels that are no visible objects."""
+IGNORED_CATEGORIES = ("Self", "Player", "Internal", "MapSpot", "SFX", "ScriptThing", "DynamicLight", "Token")
+"""Categories of labels that are not visible objects."""
 
 MAX_STARTS = 8
-"""Greatest number of places near objects that are proposed as the start of a region."""
+"""Largest number of candidate starts near objects."""
 
 
 class Player:
@@ -61,13 +61,16 @@ class Player:
         self._views = lru_cache(maxsize=1)(self._views_from)
 
     def starts_near_objects(self, n_places: int) -> list[Pose]:
-        """Places near objects, those with the most kinds of objects around them first, and the player's start last.
+        """Candidate starts of a region: places near objects, in descending number of kinds of objects around them.
 
         Args:
-            n_places: size of the region to start; objects within half the side of a square of so many places count.
+            n_places: size of the region; objects within half the side of a square of this size count.
+
+        Returns:
+            The places; the player's start is the last one.
         """
         self._game.new_episode()
-        objects = [item for item in self._game.get_state().objects if item.category not in NO_OBJECTS]
+        objects = [item for item in self._game.get_state().objects if item.category not in IGNORED_CATEGORIES]
         positions = np.asarray([(item.position_x, item.position_y) for item in objects]).reshape(-1, 2)
         positions = positions / self._units_per_metre
         is_near = np.abs(positions[:, None] - positions).max(-1) <= GRID_STEP * math.sqrt(n_places) / 2
@@ -84,7 +87,7 @@ class Player:
     def move(self, pose: Pose, action: str) -> Pose | None:
         """The pose after an action; None for a collision.
 
-        MoveBack is tried as MoveAhead with the opposite heading, since the player is as wide as deep.
+        MoveBack is tried as MoveAhead with the opposite heading, which is equivalent since the player is square.
         """
         if action not in (AHEAD, BACK):
             return next_pose(pose, action)
@@ -92,11 +95,11 @@ class Player:
         return next_pose(pose, action) if self._moves(pose.x, pose.z)[HEADINGS.index(direction)] else None
 
     def view(self, pose: Pose) -> View | None:
-        """The view at a pose; None where the player does not fit or is not at rest."""
+        """The view at a pose; None if the player does not fit or is not at rest."""
         return self._views(pose.x, pose.z)[HEADINGS.index(pose.rotation)]
 
     def _moves_from(self, x: float, z: float) -> tuple[bool, ...]:
-        """Whether the player gets from a place to the next one, for each heading."""
+        """Whether the player can move ahead from a place, for each heading."""
         self._game.new_episode()
         return tuple(self._moves_ahead(Pose(x, z, heading)) for heading in HEADINGS)
 
@@ -135,7 +138,7 @@ class Player:
         share = np.bincount(labels.ravel(), minlength=256) / labels.size
         visible: dict[str, float] = {}
         for label in state.labels:
-            if share[label.value] > 0 and label.object_category not in NO_OBJECTS:
+            if share[label.value] > 0 and label.object_category not in IGNORED_CATEGORIES:
                 visible[label.object_name] = visible.get(label.object_name, 0.0) + float(share[label.value])
         return View(self._pose(), state.screen_buffer[self._rows, self._columns].copy(), visible)
 
@@ -150,12 +153,12 @@ class Player:
         self._advance(1)
 
     def _advance(self, tics: int, *, forward: float = 0.0, turn: float = 0.0, report: bool = True) -> None:
-        """Let time pass; without a report, which takes as long as many tics, pose and view are not updated."""
+        """Run the engine for some tics; a report, which takes as long as many tics, updates pose and view."""
         self._game.set_action([forward, turn])
         self._game.advance_action(tics, report)
 
     def _at_rest(self) -> bool:
-        """Whether eye height and field of view have settled; where the player does not fit, they do not."""
+        """Whether eye height and field of view have settled, which never happens if the player does not fit."""
         eye_height = self._variable("CAMERA_POSITION_Z") - self._variable("POSITION_Z")
         field_of_view = self._variable("CAMERA_FOV")
         return abs(eye_height - EYE_HEIGHT) < 0.1 and abs(field_of_view - self._field_of_view) < 0.1
@@ -170,7 +173,7 @@ class Player:
 
 
 def _distance_run(tics: int) -> float:
-    """Map units that the player runs in so many tics from rest."""
+    """Map units that the player runs in a number of tics from rest."""
     speed = distance = 0.0
     for _ in range(tics):
         speed += THRUST
@@ -180,5 +183,5 @@ def _distance_run(tics: int) -> float:
 
 
 def _tics_to_run(map_units: int) -> int:
-    """Least number of tics in which the player runs so far from rest."""
+    """Smallest number of tics in which the player runs a distance from rest."""
     return next(tics for tics in range(1, 10_000) if _distance_run(tics) >= map_units)

@@ -1,4 +1,4 @@
-"""What rooms are made of: axis-aligned boxes with a material and, for objects, a category."""
+"""The geometry of rooms: axis-aligned boxes with a material and, for objects, a category."""
 
 from dataclasses import dataclass
 from enum import IntEnum
@@ -14,7 +14,7 @@ NO_CATEGORY = -1
 
 
 class Pattern(IntEnum):
-    """How the two colours of a `Material` cover a face; lengths are multiples of `Material.scale`."""
+    """Arrangement of the two colours of a `Material` on a face; lengths are multiples of `Material.scale`."""
 
     PLAIN = 0
     """The first colour only."""
@@ -58,8 +58,8 @@ class Material:
 
     Attributes:
         colour: first colour.
-        second_colour: second colour; the pattern says where it shows.
-        pattern: how the colours are laid out.
+        second_colour: second colour; the pattern determines where it is visible.
+        pattern: arrangement of the colours.
         scale: length of the pattern in metres.
         emission: share of the colour that does not depend on the light, in [0, 1].
     """
@@ -76,8 +76,8 @@ class Box:
     """An axis-aligned box.
 
     Attributes:
-        lower: corner with the least coordinates.
-        upper: corner with the greatest coordinates.
+        lower: corner with the smallest coordinates.
+        upper: corner with the largest coordinates.
         material: its surface.
         category: index into the category list, or `NO_CATEGORY`.
     """

@@ -1,4 +1,4 @@
-"""Built-in rooms on disk: each room is generated once and then read from the user's cache folder."""
+"""Cache of built-in rooms: each room is generated once, and then read from the user's cache folder."""
 
 from pathlib import Path
 
@@ -11,14 +11,14 @@ from relm_irl_jax.scenes.scene_file import load_scene, save_scene
 
 
 def cache_folder() -> Path:
-    """Folder in which generated rooms and features are kept between runs."""
+    """The user's cache folder for generated rooms and features."""
     return user_cache_path("relm-irl-jax")
 
 
 def built_in_room(
     room_type: str, number: int, *, size: str = "full", image_size: int = 224, views: bool = True
 ) -> Scene:
-    """Read a built-in room from the cache; generate and save it where it is missing or damaged.
+    """Read a built-in room from the cache; generate and save it if it is missing or damaged.
 
     Args:
         room_type: one of `ROOM_TYPES`.

@@ -1,7 +1,7 @@
 """Floor plans of the built-in rooms: walls, furniture and free places, without views.
 
-A room is drawn at random until its number of free places is in the range of the original scenes and all required
-objects fit. Places lie on the 0.5 m grid, at least `WALL_DISTANCE` from the walls and `CLEARANCE` from the furniture.
+Random rooms are drawn until the number of free places is in the range of the original scenes and all required objects
+fit. Places are on the 0.5 m grid, at least `WALL_DISTANCE` from the walls and `CLEARANCE` from the furniture.
 """
 
 from collections.abc import Sequence
@@ -19,16 +19,16 @@ from relm_irl_jax.scenes.rooms.walls import Rectangle, draw_walls, room_outline,
 from relm_irl_jax.scenes.scene import GRID_STEP, ROOM_TYPES
 
 CLEARANCE = 0.2
-"""Distance in metres that the camera keeps from furniture. No move of one grid step then crosses any."""
+"""Smallest distance in metres between camera and furniture; no move of one grid step then crosses furniture."""
 
 HEADROOM = 1.8
-"""Height in metres above which a box is no obstacle."""
+"""Height in metres above which a box is not an obstacle."""
 
 STEP_HEIGHT = 0.05
-"""Height in metres up to which a box is no obstacle."""
+"""Height in metres up to which a box is not an obstacle."""
 
 MAX_ATTEMPTS = 500
-"""Drawings of one room before giving up."""
+"""Attempts to draw a room before an error."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ def draw_floor_plan(room_type: str, rng: np.random.Generator, size: str = "full"
         size: one of `SIZES`.
 
     Returns:
-        The room: its free places are connected, and its required objects are all there.
+        The room, with connected free places and all required objects.
 
     Raises:
         InputError: the room type or the size is unknown.
@@ -72,7 +72,7 @@ def draw_floor_plan(room_type: str, rng: np.random.Generator, size: str = "full"
 
 
 def _attempt(room_type: str, specification: RoomSpecification, rng: np.random.Generator) -> FloorPlan | None:
-    """Draw one room; None where it does not meet the specification."""
+    """Draw one room; None if it does not satisfy the specification."""
     columns, rows = (int(rng.integers(low, high + 1)) for low, high in (specification.columns, specification.rows))
     if rng.random() < 0.5:
         columns, rows = rows, columns
@@ -89,15 +89,15 @@ def _attempt(room_type: str, specification: RoomSpecification, rng: np.random.Ge
         if box.upper[1] > STEP_HEIGHT and box.lower[1] < HEADROOM
     ]
     places = largest_component(_free_places(columns, rows, obstacles))
-    least, greatest = specification.places
-    if not least <= len(places) <= greatest:
+    fewest, most = specification.places
+    if not fewest <= len(places) <= most:
         return None
     light = ((outline.west + outline.east) / 2, height - 0.3, (outline.south + outline.north) / 2)
     return FloorPlan(places, (*structure, *furniture), light)
 
 
 def _free_places(columns: int, rows: int, obstacles: Sequence[Rectangle]) -> Bool[np.ndarray, "columns rows"]:
-    """Places at which the camera keeps its distance from all obstacles."""
+    """Places with the required distance from all obstacles."""
     x, z = GRID_STEP * np.arange(columns)[:, None], GRID_STEP * np.arange(rows)
     free = np.ones((columns, rows), bool)
     for west, east, south, north in obstacles:
@@ -107,7 +107,7 @@ def _free_places(columns: int, rows: int, obstacles: Sequence[Rectangle]) -> Boo
 
 
 def largest_component(free: Bool[np.ndarray, "columns rows"]) -> tuple[tuple[int, int], ...]:
-    """The largest set of free places that are connected by moves along the grid; the first one of equal sets.
+    """The largest set of free places that are connected by moves along the grid; the first one in case of ties.
 
     Args:
         free: whether each place is free.
@@ -116,6 +116,6 @@ def largest_component(free: Bool[np.ndarray, "columns rows"]) -> tuple[tuple[int
         Coordinates (column, row), row by row.
     """
     label, _ = ndimage.label(free)
-    size = np.bincount(label[free], minlength=2)  # label 0 stands for what is not free
+    size = np.bincount(label[free], minlength=2)  # label 0 is for places that are not free
     row, column = np.nonzero((label == size.argmax()).T & free.T)
     return tuple(zip(column.tolist(), row.tolist(), strict=True))

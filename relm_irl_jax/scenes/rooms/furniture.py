@@ -1,8 +1,8 @@
 """Objects of the built-in rooms: shape and material of each category.
 
-A category keeps its shape, pattern and colours in every room, up to small random changes of size and colour. Objects
-have their own coordinates: u runs along the wall behind the object, y upwards from the floor, and d away from the wall
-into the room. `placement` turns them into room coordinates.
+A category has the same shape, pattern and colours in every room, up to small random changes of size and colour. Objects
+have local coordinates: u is along the wall behind the object, y upwards from the floor, and d away from the wall into
+the room. `placement` converts them to room coordinates.
 """
 
 from collections.abc import Callable
@@ -50,7 +50,7 @@ STEEL: Colour = (0.66, 0.69, 0.72)
 
 @dataclass(frozen=True)
 class Part:
-    """A box of an object, in the object's own coordinates.
+    """A box of an object, in local coordinates.
 
     Attributes:
         category: name in `CATEGORIES`.
@@ -69,13 +69,13 @@ class Part:
 
 @dataclass(frozen=True)
 class Item:
-    """One object, or several that stand together, for example a desk with its chair.
+    """An object, or a group of objects such as a desk with its chair.
 
     Attributes:
-        parts: its boxes.
-        width: room it takes along the wall.
+        parts: boxes of the item.
+        width: extent along the wall.
         height: lowest and highest point.
-        depth: room it takes away from the wall, including what must stay free in front of it.
+        depth: extent away from the wall, including the space that must stay free in front of it.
     """
 
     parts: tuple[Part, ...]
@@ -100,7 +100,7 @@ def _vary_length(rng: np.random.Generator, length: float) -> float:
 
 
 def _make_item(parts: list[Part], clearance: float = 0.0) -> Item:
-    """Wrap parts into an item that takes the room they span, and `clearance` metres in front."""
+    """Make an item that occupies the extent of its parts, and `clearance` metres in front of them."""
     return Item(
         parts=tuple(parts),
         width=max(part.u[1] for part in parts),
@@ -110,7 +110,7 @@ def _make_item(parts: list[Part], clearance: float = 0.0) -> Item:
 
 
 def _shift(parts: list[Part], u: float = 0.0, y: float = 0.0, d: float = 0.0) -> list[Part]:
-    """Move parts in the object's coordinates."""
+    """Shift parts in local coordinates."""
 
     def moved(extent: tuple[float, float], by: float) -> tuple[float, float]:
         return extent[0] + by, extent[1] + by
@@ -251,7 +251,7 @@ def plant(rng: np.random.Generator) -> Item:
 
 
 def rug(rng: np.random.Generator) -> Item:
-    """A red rug with cream diamonds; the agent walks over it."""
+    """A red rug with cream diamonds; it is not an obstacle."""
     width, depth = _vary_length(rng, 1.9), _vary_length(rng, 1.4)
     material = Material(
         _vary_colour(rng, (0.62, 0.12, 0.2)), _vary_colour(rng, (0.93, 0.85, 0.65)), Pattern.DIAMONDS, 0.31
@@ -335,7 +335,7 @@ def _legs(category: str, width: float, depth: float, top: float, material: Mater
 
 
 def _chair(rng: np.random.Generator, back_away: bool) -> list[Part]:
-    """A red chair, 0.42 m square; its back at the far side from the wall, or at the near side."""
+    """A red chair, 0.42 m square, with its back away from the wall or towards it."""
     red = Material(_vary_colour(rng, (0.85, 0.15, 0.12)), (0.6, 0.08, 0.08), Pattern.STRIPES, 0.07)
     back = (0.38, 0.42) if back_away else (0.0, 0.04)
     return [
@@ -409,7 +409,7 @@ def tv(rng: np.random.Generator) -> Item:
 
 
 def dining_set(rng: np.random.Generator) -> Item:
-    """A dining table with four chairs, free in the room."""
+    """A dining table with four chairs, which stands away from the walls."""
     width, depth = _vary_length(rng, 1.5), _vary_length(rng, 0.9)
     top = Material(_vary_colour(rng, (0.5, 0.3, 0.16)), (0.34, 0.19, 0.1), Pattern.PLANKS, 0.18)
     table = [

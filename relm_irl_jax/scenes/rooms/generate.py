@@ -1,4 +1,4 @@
-"""Generation of the built-in scenes: bathrooms, bedrooms and living rooms."""
+"""Generation of built-in scenes: bathrooms, bedrooms and living rooms."""
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from relm_irl_jax.scenes.scene import ROOM_TYPES, Scene, pose_graph, shortest_pa
 
 
 def generate_room(room_type: str, seed: int, *, size: str = "full", image_size: int = 224) -> Scene:
-    """Generate a scene with its views; the same arguments give the same scene.
+    """Generate a scene with its views, deterministically.
 
     Args:
         room_type: one of `ROOM_TYPES`.

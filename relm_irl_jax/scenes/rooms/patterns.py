@@ -1,6 +1,6 @@
-"""Patterns on the faces of boxes: where the second colour shows, and how bright the surface is.
+"""Patterns on the faces of boxes: share of the second colour, and brightness.
 
-All patterns are evaluated at all pixels, and each pixel selects its own.
+All patterns are evaluated at all pixels, and each pixel selects its pattern.
 """
 
 from typing import NamedTuple
@@ -16,7 +16,7 @@ Mask = Bool[Array, "height width"]
 Hash = UInt32[Array, "height width"]
 
 LAST_PERIODIC = Pattern.LEAVES
-"""Patterns up to this one repeat."""
+"""The last of the patterns that repeat."""
 
 
 class PatternValues(NamedTuple):
@@ -49,7 +49,7 @@ def periodic_patterns(pattern: Integers, u: Image, v: Image, box: Integers) -> P
     plank_tone = 0.82 + 0.36 * _unit(_hash(plank_column, row, box), 1)
     centre_u, centre_v = fu - 0.5, fv - 0.5
     clouds = _value_noise(u, v, box)
-    uneven = 0.88 + 0.24 * clouds  # stripes alone would look the same all along a wall
+    uneven = 0.88 + 0.24 * clouds  # without it, stripes would look the same everywhere on a wall
     cases = [
         (Pattern.CHECKER, (column + row) % 2, 0.95 + 0.5 * (tone - 0.9)),
         (Pattern.TILES, (jnp.minimum(fu, fv) < 0.06), tone),
@@ -115,7 +115,7 @@ def face_patterns(pattern: Integers, u: Image, v: Image, width: Image, height: I
 
 
 def book_shelves(u: Image, v: Image, height: Image, scale: Image, box: Integers) -> tuple[Mask, list[Image]]:
-    """Evaluate the pattern `BOOKS`, which has colours of its own; all lengths in metres.
+    """Evaluate the pattern `BOOKS`, which has its own colours; all lengths in metres.
 
     Args:
         u: coordinate along the face.
@@ -125,7 +125,7 @@ def book_shelves(u: Image, v: Image, height: Image, scale: Image, box: Integers)
         box: number of each pixel's box, which varies the books.
 
     Returns:
-        Where the shelf boards are, and red, green and blue of the books elsewhere.
+        Mask of the shelf boards, and red, green and blue of the books.
     """
     shelves = jnp.maximum(jnp.round(height / scale), 1)
     shelf, up = _cell(v * shelves / height)

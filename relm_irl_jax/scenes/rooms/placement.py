@@ -1,4 +1,4 @@
-"""Placement of furniture: objects are put at random positions until they overlap nothing."""
+"""Placement of furniture: random positions are tried until an object overlaps no other."""
 
 from collections.abc import Sequence
 
@@ -13,7 +13,7 @@ POSITIONS_TRIED = 40
 """Random positions tried for one object."""
 
 Corners = tuple[Point, Point]
-"""Lower and upper corner of the space that an object takes."""
+"""Lower and upper corner of the space that an object occupies."""
 
 
 def place_furniture(
@@ -26,7 +26,7 @@ def place_furniture(
 ) -> list[Box] | None:
     """Draw objects and their positions.
 
-    Objects overlap neither solid parts of the room nor each other, except that furniture may stand on a rug.
+    Objects overlap neither the solid parts of the room nor each other, but furniture may stand on a rug.
 
     Args:
         requests: objects to place, in this order.
@@ -37,7 +37,7 @@ def place_furniture(
         rng: source of all randomness.
 
     Returns:
-        Boxes of the objects, or None where a required object did not fit.
+        Boxes of the objects, or None if a required object does not fit.
     """
     blocks: list[Corners] = [((west, 0.0, south), (east, height, north)) for west, east, south, north in solid]
     boxes: list[Box] = []
@@ -70,7 +70,7 @@ def place_furniture(
 def _draw_position(
     item: Item, request: Request, walls: Sequence[Wall], outline: Rectangle, rng: np.random.Generator
 ) -> Wall | None:
-    """Draw the line behind an item, starting at the item's left end; None where there is not enough room."""
+    """Draw the line behind an item, from the item's left end; None if there is not enough space."""
     if request.position == "wall":
         wall = walls[int(rng.integers(len(walls)))]
         slack = wall.end - wall.start - item.width

@@ -1,13 +1,13 @@
 """A ray caster over axis-aligned boxes.
 
-The camera is a pinhole, level, with a field of view of 90 degrees. Because it is level and the boxes are aligned
-with the axes, where a ray crosses a box's slabs in x and z depends on the image column alone, and in y on the row
-alone. So all divisions are done once per column and row, and each pixel keeps only the nearest hit so far:
+The camera is a level pinhole camera with a field of view of 90 degrees. Since it is level and the boxes are aligned
+with the axes, the intersections of a ray with a box's slabs in x and z depend only on the image column, and those in y
+only on the row. All divisions are therefore done once per column or row, and each pixel stores the nearest hit so far:
 
     enter = max(near_xz[column], near_y[row])     exit = min(far_xz[column], far_y[row])
 
-A box is hit where enter < exit. Depth is measured along the optical axis. No array is larger than an image, or than
-the boxes times the rows or columns of an image.
+A ray hits a box if enter < exit. Depth is measured along the optical axis. No array is larger than an image, or than
+the number of boxes times the rows or columns of an image.
 """
 
 from collections.abc import Sequence
@@ -21,29 +21,29 @@ from jaxtyping import Array, Float, Float32, Int32
 from relm_irl_jax.scenes.rooms.boxes import Box
 
 EYE_HEIGHT = 1.2
-"""Height of the camera in metres: it sees onto tables and beds, and wall objects hang around its horizon."""
+"""Height of the camera in metres, above tables and beds and level with wall objects."""
 
 MAX_BOXES = 96
-"""Boxes in `BoxArrays`. Fixed, so that the ray caster compiles once for all rooms; only the boxes in use cost time."""
+"""Boxes in `BoxArrays`. It is fixed, so that the ray caster compiles once for all rooms; unused boxes take no time."""
 
 _UNROLL = 8
-"""Boxes handled per pass over the image; the nearest hit stays in registers meanwhile."""
+"""Boxes handled in each pass over the image, during which the nearest hit stays in registers."""
 
 _BOX_KEYS = 128
-"""The nearest hit so far is one integer a pixel: a positive depth's bits order like the depth itself, and their last
-seven are replaced by the number of the box. That costs a relative error of 2e-5 in the comparison, none in the
-result."""
+"""The nearest hit so far is one integer for each pixel. The bits of positive depths have the same order as the depths;
+the last seven bits are replaced by the number of the box. This causes a relative error of 2e-5 in the comparison, but
+none in the result."""
 
 _NO_HIT = 0x7FFFFFFF
-"""Nearest hit before the first box: beyond every depth."""
+"""Nearest hit before the first box, larger than that of every depth."""
 
 
 class BoxArrays(NamedTuple):
     """Boxes as arrays, padded to `MAX_BOXES`.
 
     Attributes:
-        lower: corner with the least coordinates (x, y, z), in metres.
-        upper: corner with the greatest coordinates, in metres.
+        lower: corner with the smallest coordinates (x, y, z), in metres.
+        upper: corner with the largest coordinates, in metres.
         colour: first colour, RGB in [0, 1].
         second_colour: second colour, RGB in [0, 1].
         pattern: number of the pattern, one of `Pattern`.
@@ -67,12 +67,12 @@ class BoxArrays(NamedTuple):
 
 
 class RayHits(NamedTuple):
-    """What the ray of each pixel meets first.
+    """The first hit of each pixel's ray.
 
     Attributes:
-        depth: distance along the optical axis in metres, infinite where no box is hit.
-        box: index of the box, -1 where no box is hit.
-        axis: axis of the normal of the face that is seen: 0 for x, 1 for y, 2 for z.
+        depth: distance along the optical axis in metres, infinite if no box is hit.
+        box: index of the box, -1 if no box is hit.
+        axis: axis of the normal of the visible face: 0 for x, 1 for y, 2 for z.
     """
 
     depth: Float32[Array, "height width"]
@@ -127,7 +127,7 @@ def ray_directions(
     angle = jnp.round(rotation / 90.0) * (jnp.pi / 2)
     sine, cosine = jnp.round(jnp.sin(angle)), jnp.round(jnp.cos(angle))
     offset = (2 * jnp.arange(size, dtype=jnp.float32) + 1) / size - 1
-    offset = jnp.where(offset == 0, 1e-6, offset)  # the centre of an odd image: slabs need a direction
+    offset = jnp.where(offset == 0, 1e-6, offset)  # the centre of an odd image would lead to divisions by zero
     return sine + offset * cosine, -offset, cosine - offset * sine
 
 
@@ -144,7 +144,7 @@ def cast_rays(boxes: BoxArrays, location: Float32[Array, "2"], rotation: Float32
     """Nearest box along each ray of one view.
 
     Args:
-        boxes: the room; the camera is inside none of its boxes.
+        boxes: the room; the camera must not be inside a box.
         location: place (x, z) of the camera in metres.
         rotation: heading in degrees.
         size: rows and columns of the image.
@@ -170,8 +170,8 @@ def cast_rays(boxes: BoxArrays, location: Float32[Array, "2"], rotation: Float32
             nearest = jnp.minimum(nearest, jnp.where(enter < leave, key, _NO_HIT))
         return nearest
 
-    nothing = jnp.full((size, size), _NO_HIT, jnp.int32)
-    nearest = jax.lax.fori_loop(0, (boxes.count + _UNROLL - 1) // _UNROLL, visit, nothing)
+    no_hits = jnp.full((size, size), _NO_HIT, jnp.int32)
+    nearest = jax.lax.fori_loop(0, (boxes.count + _UNROLL - 1) // _UNROLL, visit, no_hits)
 
     box = jnp.where(nearest == _NO_HIT, -1, nearest & (_BOX_KEYS - 1))
     first = jnp.maximum(box, 0)

@@ -34,7 +34,7 @@ def render_views(
         description: label of the progress bar.
 
     Returns:
-        Images, and the share of each that each of `CATEGORIES` covers.
+        Images, and the share of each image that each of `CATEGORIES` covers.
     """
     total = len(location)
     images = np.empty((total, size, size, 3), np.uint8)
@@ -46,11 +46,11 @@ def render_views(
         return render_batch(boxes, *poses, size=size)
 
     with progress_bar(description, total, "views") as advance:
-        following = dispatch(0)
+        next_batch = dispatch(0)
         for start in range(0, total, BATCH_SIZE):
-            packed, share = following
+            packed, share = next_batch
             if start + BATCH_SIZE < total:
-                following = dispatch(start + BATCH_SIZE)  # computed while this batch is copied
+                next_batch = dispatch(start + BATCH_SIZE)  # computed while this batch is copied
             done = min(BATCH_SIZE, total - start)
             images[start : start + done] = unpack_rgb(np.asarray(packed))[:done]
             shares[start : start + done] = np.asarray(share)[:done]
@@ -66,7 +66,7 @@ def render_batch(
     *,
     size: int,
 ) -> tuple[UInt32[Array, "view height width"], Float[Array, "view category"]]:
-    """Render a batch of poses in one compiled program; one after the other, so that a view's arrays stay in the cache.
+    """Render a batch of poses in one compiled program, one by one, so that the arrays of a view stay in the cache.
 
     Args:
         boxes: the room.
@@ -75,7 +75,7 @@ def render_batch(
         size: rows and columns of an image.
 
     Returns:
-        Images, packed as `unpack_rgb` reads them, and the share of each that each of `CATEGORIES` covers.
+        Images, packed for `unpack_rgb`, and the share of each image that each of `CATEGORIES` covers.
     """
     return jax.lax.map(lambda pose: _view(boxes, pose[0], pose[1], size), (location, rotation))
 
@@ -84,7 +84,7 @@ def unpack_rgb(packed: UInt32[np.ndarray, "*shape"]) -> UInt8[np.ndarray, "*shap
     """Split colours into red, green and blue.
 
     Args:
-        packed: one integer a pixel, red in the lowest byte, then green, then blue.
+        packed: one integer for each pixel, red in the lowest byte, then green, then blue.
     """
     return packed.astype("<u4", copy=False)[..., None].view(np.uint8)[..., :3]
 
@@ -94,7 +94,7 @@ def _view(
 ) -> tuple[UInt32[Array, "height width"], Float[Array, "category"]]:
     """Image of one pose, and the share of it that each category covers."""
     hits = cast_rays(boxes, location, rotation, size)
-    pixels = jnp.bincount(hits.box.ravel() + 1, length=MAX_BOXES + 1)[1:]  # without the pixels that see nothing
+    pixels = jnp.bincount(hits.box.ravel() + 1, length=MAX_BOXES + 1)[1:]  # without the pixels that hit no box
     belongs = boxes.category[None] == jnp.arange(len(CATEGORIES))[:, None]
     share = jnp.sum(jnp.where(belongs, pixels[None], 0), axis=1).astype(jnp.float32) / (size * size)
     return shade(boxes, hits, location, rotation, size), share

@@ -1,4 +1,4 @@
-"""What the built-in rooms are drawn from: sizes, furniture, colours and patterns of each room type."""
+"""Specifications of the built-in rooms: sizes, furniture, colours and patterns of each room type."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -8,7 +8,7 @@ from relm_irl_jax.scenes.rooms.boxes import Colour, Material, Pattern
 from relm_irl_jax.scenes.rooms.furniture import Builder
 
 VERSION = 3
-"""Version of the generator. Raise it whenever rooms or views change: cached rooms depend on it."""
+"""Version of the generator. Increase it if rooms or views change, since cached rooms depend on it."""
 
 SOURCE = f"rooms/{VERSION}"
 """`Scene.source` of these scenes."""
@@ -20,13 +20,13 @@ SIZES: tuple[Size, ...] = ("full", "tiny")
 
 @dataclass(frozen=True)
 class Request:
-    """Objects of one kind to put into a room.
+    """A number of objects of one kind in a room.
 
     Attributes:
-        build: draws one of them.
+        build: draws an object.
         position: along a wall, anywhere in the room, or flat on the floor.
-        minimum: number without which the room is drawn again.
-        maximum: greatest number.
+        minimum: smallest number; if fewer fit, the room is drawn again.
+        maximum: largest number.
     """
 
     build: Builder
@@ -40,7 +40,7 @@ class RoomSpecification:
     """Size and furniture of a room; ranges include both ends.
 
     Attributes:
-        places: range of the number of free places. Four states each give the original scenes' counts.
+        places: range of the number of free places; with four states each, it gives the original scenes' state counts.
         columns: range of the number of grid columns.
         rows: range of the number of grid rows; columns and rows are swapped in half of the rooms.
         furniture: objects, in the order in which they are placed.
@@ -56,10 +56,10 @@ class RoomSpecification:
 
 @dataclass(frozen=True)
 class Decoration:
-    """Colours and patterns that the walls and the floor of a room are drawn from.
+    """Colours and patterns of walls and floors, from which each room is drawn.
 
     Attributes:
-        wall_colours: first colours of the walls, no two walls of a room alike.
+        wall_colours: first colours of the walls; the walls of a room have different ones.
         wall_patterns: patterns of the walls with their scale in metres.
         floors: materials of the floor.
     """

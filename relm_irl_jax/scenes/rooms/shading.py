@@ -1,4 +1,4 @@
-"""Colours of a view: the material of the box that each pixel sees, lit by one lamp."""
+"""Colours of a view, from the material of each pixel's box and one lamp."""
 
 from typing import NamedTuple
 
@@ -18,14 +18,14 @@ from relm_irl_jax.scenes.rooms.patterns import (
 from relm_irl_jax.scenes.rooms.ray_casting import EYE_HEIGHT, BoxArrays, RayHits, ray_directions
 
 _MEAN_SHARE = np.zeros(len(Pattern), np.float32)
-"""Mean share of the second colour of each periodic pattern: what it fades into where a period is below a pixel."""
+"""Mean share of the second colour of each periodic pattern, used where a period is smaller than a pixel."""
 _MEAN_SHARE[[Pattern.CHECKER, Pattern.STRIPES, Pattern.BANDS, Pattern.PLASTER, Pattern.LEAVES]] = 0.5
 _MEAN_SHARE[[Pattern.TILES, Pattern.BRICKS, Pattern.PLANKS]] = 0.1
 _MEAN_SHARE[[Pattern.DOTS, Pattern.DIAMONDS]] = 0.25
 
 
 class Surface(NamedTuple):
-    """The face that each pixel sees, and the point on it; lengths in metres.
+    """The visible face of each pixel, and the point on it; lengths in metres.
 
     Attributes:
         u: distance from the face's lower corner along the wall, or along x on level faces.
@@ -47,14 +47,14 @@ class Surface(NamedTuple):
 def shade(
     boxes: BoxArrays, hits: RayHits, location: Float32[Array, "2"], rotation: Float32[Array, ""], size: int
 ) -> UInt32[Array, "height width"]:
-    """Colour of each pixel, from the box that it sees; black where it sees none.
+    """Colour of each pixel from the box that it hits; black if it hits none.
 
-    The channels are packed into one integer a pixel, because an interleaved result makes XLA's CPU backend do the
-    whole arithmetic once per channel and without vector instructions: eight times as slow.
+    The channels are packed into one integer for each pixel. With interleaved channels, XLA's CPU backend would do all
+    arithmetic once per channel and without vector instructions, which is eight times as slow.
 
     Args:
         boxes: the room.
-        hits: what each pixel sees.
+        hits: the first hit of each pixel.
         location: place (x, z) of the camera in metres.
         rotation: heading in degrees.
         size: rows and columns of the image.
@@ -68,7 +68,7 @@ def shade(
     scale = jnp.maximum(boxes.scale, 1e-3)[box]
     mean = jnp.asarray(_MEAN_SHARE)[boxes.pattern][box]
     light = light * (1 - emission) + emission
-    # Edges are drawn a little darker.
+    # Edges are slightly darker.
     light = light * jnp.where(edge_distance(u, v, width, height) < 0.012 + 0.6 * footprint, 0.8, 1.0)
     light = jnp.where(hits.box < 0, 0.0, light)
 
@@ -99,7 +99,7 @@ def shade(
 def _surface(
     boxes: BoxArrays, hits: RayHits, location: Float32[Array, "2"], rotation: Float32[Array, ""], size: int
 ) -> Surface:
-    """Point and face that each pixel sees; of box 0 where it sees none."""
+    """Visible point and face of each pixel; those of box 0 if it hits none."""
     box = jnp.maximum(hits.box, 0)
     lower = [boxes.lower[:, axis][box] for axis in range(3)]
     upper = [boxes.upper[:, axis][box] for axis in range(3)]
@@ -112,7 +112,7 @@ def _surface(
 
     normal_ray = jnp.abs(jnp.where(on_x, rays[0], jnp.where(on_y, rays[1], rays[2])))
     length = jnp.sqrt(rays[0] ** 2 + rays[1] ** 2 + rays[2] ** 2)
-    # Light falls off with the distance from the lamp. Faces of different axes differ, so that edges show.
+    # Light decreases with the distance from the lamp. It depends on the face's axis, so that edges are visible.
     facing = jnp.where(on_x, 0.86, jnp.where(on_y, jnp.where(rays[1] < 0, 1.0, 0.9), 0.95))
     square = sum((p - boxes.light[axis]) ** 2 for axis, p in enumerate(point))
     return Surface(

@@ -1,4 +1,4 @@
-"""Walls, floor and ceiling of a room: where they stand and what they are made of."""
+"""Walls, floor and ceiling of a room: positions and materials."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,10 +21,10 @@ class Rectangle(NamedTuple):
     """A rectangle of the floor, in metres.
 
     Attributes:
-        west: least x.
-        east: greatest x.
-        south: least z.
-        north: greatest z.
+        west: smallest x.
+        east: largest x.
+        south: smallest z.
+        north: largest z.
     """
 
     west: float
@@ -41,8 +41,8 @@ class Wall:
         axis: axis of its normal, 0 for x and 2 for z.
         position: coordinate on that axis, in metres.
         side: direction of the normal, into the room: 1 or -1.
-        start: least coordinate on the other horizontal axis, in metres.
-        end: greatest coordinate on the other horizontal axis, in metres.
+        start: smallest coordinate on the other horizontal axis, in metres.
+        end: largest coordinate on the other horizontal axis, in metres.
     """
 
     axis: int
@@ -97,7 +97,7 @@ def draw_walls(
         rng: source of all randomness.
 
     Returns:
-        Inner faces of the walls, and the part of the rectangle that an L's corner or a partition takes away.
+        Inner faces of the walls, and the solid part of the rectangle: an L's corner or a partition.
     """
     west, east, south, north = room_outline(columns, rows)
     kind = str(rng.choice(["box", "corner", "partition"])) if interior_walls else "box"
@@ -131,7 +131,7 @@ def draw_walls(
 def wall_boxes(
     walls: Sequence[Wall], outline: Rectangle, height: float, decoration: Decoration, rng: np.random.Generator
 ) -> list[Box]:
-    """Boxes of the walls, the floor and the ceiling, each with a material of its own.
+    """Boxes of the walls, the floor and the ceiling, with different materials.
 
     Args:
         walls: inner faces of the walls.
@@ -153,12 +153,13 @@ def wall_boxes(
         second = first * rng.uniform(0.78, 0.86) if rng.random() < 0.6 else first + 0.6 * (1 - first)
         kind, scale = patterns[pattern]
         material = Material(_colour(first), _colour(second), kind, scale * float(rng.uniform(0.9, 1.1)))
-        # Walls overlap where they meet the outline, so that no ray slips through a corner. At an L's inner corner they
-        # must not, because they would stand out into the room.
-        least, greatest = outline[2:] if wall.axis == 0 else outline[:2]
-        before = overlap if wall.start == least else 0.0
-        after = overlap if wall.end == greatest else 0.0
-        lower, upper = wall.box_corners((-before, wall.end - wall.start + after), (0.0, height), (-overlap, 0.0))
+        # Walls overlap at the corners of the outline, so that no ray passes through a corner. At an L's inner corner
+        # they must not overlap, because they would extend into the room.
+        smallest, largest = outline[2:] if wall.axis == 0 else outline[:2]
+        start_overlap = overlap if wall.start == smallest else 0.0
+        end_overlap = overlap if wall.end == largest else 0.0
+        extent = (-start_overlap, wall.end - wall.start + end_overlap)
+        lower, upper = wall.box_corners(extent, (0.0, height), (-overlap, 0.0))
         boxes.append(Box(lower, upper, material))
     floor = decoration.floors[rng.integers(len(decoration.floors))]
     first, second = (_colour(np.asarray(c) + rng.uniform(-0.05, 0.05, 3)) for c in (floor.colour, floor.second_colour))

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from interruption import assert_same, interrupt, resume
 
 from relm_irl_jax.agents.metric.agent import MetricAgent
-from relm_irl_jax.agents.metric.costs_to_go import CostsToGo, SceneStates, least_costs_to_goals
+from relm_irl_jax.agents.metric.costs_to_go import CostsToGo, SceneStates, minimum_costs_to_goals
 from relm_irl_jax.agents.metric.loss import LossForm, LossInputs, LossWeights, metric_loss
 from relm_irl_jax.agents.metric.network import DistanceForm, Embeddings, distance, pairwise_distances
 from relm_irl_jax.agents.settings import MetricSettings
@@ -57,7 +57,7 @@ def test_distances_are_a_quasimetric(seed, symmetric):
 def test_the_loss_vanishes_where_embeddings_are_right():
     """States on a line, the embedding their coordinate: distances, successors and policy are exact."""
     successor = jnp.asarray([[1, 0, 0, 0], [2, 1, 1, 0], [2, 2, 2, 1]], jnp.int32)
-    cost = least_costs_to_goals(successor, jnp.arange(3), jnp.ones((3, 3)))
+    cost = minimum_costs_to_goals(successor, jnp.arange(3), jnp.ones((3, 3)))
     one = lambda *values: jnp.asarray(values, jnp.int32)  # noqa: E731
     goals = Goals(jnp.arange(3)[None], one(3), one(1), jnp.ones((1, 3, 3)))
     number = jnp.float32
@@ -136,8 +136,8 @@ def test_strict_goals_leave_out_every_evaluation_target():
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
-        ({"groups": 3}, r"metric\.groups: 3 equal parts of 16 dimensions"),
-        ({"workers": 1}, r"metric\.workers: 1 workers cannot serve 2 scenes"),
+        ({"groups": 3}, r"metric\.groups: 16 dimensions cannot be divided into 3"),
+        ({"workers": 1}, r"metric\.workers: 1 workers are too few for 2 scenes"),
     ],
 )
 def test_settings_that_cannot_be_used_are_refused(change, sentence):
@@ -153,5 +153,5 @@ def test_settings_that_cannot_be_used_are_refused(change, sentence):
 
 def test_a_step_that_costs_nothing_is_refused():
     scene, split = open_room()
-    with pytest.raises(InputError, match=r"manual\.step: 0\.0 costs nothing"):
+    with pytest.raises(InputError, match=r"manual\.step: 0\.0 is not a cost"):
         manual_goals([scene], split, "strict", ManualSettings(step=0.0))

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.sparse.csgraph import dijkstra
 
-from relm_irl_jax.agents.metric.costs_to_go import least_costs_to_goals, steps_of_best_paths
+from relm_irl_jax.agents.metric.costs_to_go import minimum_costs_to_goals, steps_of_best_paths
 from relm_irl_jax.agents.metric.experience_graph import (
     UNTRIED,
     ExperienceGraph,
@@ -33,13 +33,13 @@ def int32(values):
 
 def test_costs_in_a_corridor_by_hand():
     cost = jnp.asarray([[1.0, 2.0, 4.0], [8.0, 16.0, 32.0]])
-    reach = least_costs_to_goals(CORRIDOR, int32([2, 0]), cost)
+    reach = minimum_costs_to_goals(CORRIDOR, int32([2, 0]), cost)
     np.testing.assert_array_equal(reach, [[1 + 2, 0], [2, 16], [0, 32 + 16]])
 
 
 def test_unit_costs_are_shortest_paths():
     graph = grid_scene(3, 3).graph
-    reach = least_costs_to_goals(int32(successors(graph)), jnp.arange(len(graph)), jnp.ones((len(graph), len(graph))))
+    reach = minimum_costs_to_goals(int32(successors(graph)), jnp.arange(len(graph)), jnp.ones((len(graph), len(graph))))
     np.testing.assert_array_equal(reach, shortest_path_distances(graph))
 
 
@@ -52,7 +52,7 @@ def test_costs_equal_dijkstra_on_a_partly_known_graph(seed):
     successor[generator.random((12, 4)) < 0.4] = UNTRIED
     cost = generator.uniform(0.3, 1.0, (2, 12))
     goals = (3, 7)
-    reach = np.asarray(least_costs_to_goals(int32(successor), int32(goals), jnp.asarray(cost, jnp.float32)))
+    reach = np.asarray(minimum_costs_to_goals(int32(successor), int32(goals), jnp.asarray(cost, jnp.float32)))
     for column, goal in enumerate(goals):
         weights = np.zeros((12, 12))
         for state, action in zip(*np.nonzero(successor != UNTRIED), strict=True):

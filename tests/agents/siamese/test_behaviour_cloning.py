@@ -65,5 +65,5 @@ def test_a_head_without_demonstrations_is_refused():
     shown = demonstrations()
     first = np.asarray(shown.target) < 2
     part = Demonstrations(*(jnp.asarray(np.asarray(column)[first]) for column in vars(shown).values()))
-    with pytest.raises(InputError, match="no demonstration to clone"):
+    with pytest.raises(InputError, match="has no demonstration"):
         decisions_by_head(part, problem().world, np.arange(2), 1)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tiny import problem
 
-from relm_irl_jax.agents.siamese.forward import through_frames, through_pairs
+from relm_irl_jax.agents.siamese.forward import passes_by_frames, passes_by_pairs
 from relm_irl_jax.agents.siamese.network import Outputs, SiameseActorCritic
 from relm_irl_jax.agents.siamese.state_target_pairs import state_target_pairs
 from relm_irl_jax.agents.siamese.training import init_parameters
@@ -71,10 +71,10 @@ def test_every_form_computes_the_network_and_its_gradient(form, history, observe
     @jax.jit
     def outputs_and_gradient(parameters):
         if form == "pairs":
-            forward, backward = through_pairs(network, parameters, WORLD, targets, pairs)
+            forward, backward = passes_by_pairs(network, parameters, WORLD, targets, pairs)
         else:
             frames = 1000 if form == "tables" else 12
-            forward, backward = through_frames(network, parameters, WORLD, targets, frames)
+            forward, backward = passes_by_frames(network, parameters, WORLD, targets, frames)
         steps = [forward(views[t], target[t]) for t in range(2)]
         evaluated = jax.tree.map(lambda *x: jnp.stack(x), *steps)
         outputs = evaluated.outputs

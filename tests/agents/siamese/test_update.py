@@ -10,7 +10,7 @@ from tiny import CHUNK, SMALL, problem
 
 from relm_irl_jax.agents.settings import SiameseSettings
 from relm_irl_jax.agents.siamese.agent import SiameseAgent
-from relm_irl_jax.agents.siamese.training import optimizer_numbers, prepare, run_updates, update_form
+from relm_irl_jax.agents.siamese.training import optimizer_numbers, prepare_training, run_updates, update_form
 from relm_irl_jax.agents.siamese.update import make_optimizer
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.types import TrainingLog
@@ -20,10 +20,10 @@ from relm_irl_jax.types import TrainingLog
 def prepared():
     """Steps of workers are summed, which tells a sum from a mean; every frame is one pair of 88 or of 256 frames."""
     settings = dataclasses.replace(SMALL, optimizer="rmsprop", learning_rate=0.01, gradient="sum", t_max=12)
-    return settings, *prepare(jax.random.key(1), problem(cap=13), settings)
+    return settings, *prepare_training(jax.random.key(1), problem(cap=13), settings)
 
 
-def test_an_update_through_pairs_is_one_through_frames(prepared):
+def test_an_update_by_pairs_is_one_by_frames(prepared):
     """The same steps, and the same parameters up to rounding."""
     _, state, inputs, form = prepared
     assert inputs.pairs is not None
@@ -49,7 +49,7 @@ def test_changing_a_number_compiles_nothing_again(prepared):
         decay_frames=7,
         gradient_clip=1.0,
     )
-    again, own, same_form = prepare(jax.random.key(1), problem(cap=17), changed)
+    again, own, same_form = prepare_training(jax.random.key(1), problem(cap=17), changed)
     assert same_form == form
     result, _ = run_updates(again, own, form=same_form, updates=3)
     assert run_updates._cache_size() == compiled
@@ -70,7 +70,7 @@ def test_memory_of_metrics_does_not_grow_with_updates(prepared):
 def test_pairs_are_for_one_view_and_many_frames():
     def pairs(**changes):
         settings = dataclasses.replace(SMALL, **changes)
-        return prepare(jax.random.key(0), problem(cap=50), settings)[1].pairs
+        return prepare_training(jax.random.key(0), problem(cap=50), settings)[1].pairs
 
     assert pairs(workers=14, t_max=4) is not None  # 56 pairs and frames
     assert pairs(workers=12, t_max=4) is None
@@ -81,7 +81,7 @@ def test_pairs_are_for_one_view_and_many_frames():
     ("changes", "cap", "message"),
     [
         ({"t_max": 16}, 10, r"siamese\.t_max: 16 exceeds the cap of 10 steps"),
-        ({"workers": 1}, 50, r"siamese\.workers: 1 workers cannot serve 2 heads"),
+        ({"workers": 1}, 50, r"siamese\.workers: 1 workers are too few for 2 heads"),
     ],
 )
 def test_settings_that_cannot_work_are_refused(changes, cap, message):
