@@ -79,11 +79,11 @@ def test_parity_with_torch(state):
     with torch.no_grad():
         expected = network(torch.from_numpy(images.transpose(0, 3, 1, 2))).numpy().transpose(0, 2, 3, 1)
 
-    maps = np.asarray(jax.jit(ResNet50().apply)({"params": weights.fold_batch_norms(state)}, images))
+    maps = jax.jit(ResNet50().apply)({"params": weights.fold_batch_norms(state)}, images)
 
     assert maps.shape == (2, 2, 3, 2048)
     scale = np.abs(expected).max()
-    np.testing.assert_allclose(maps / scale, expected / scale, atol=1e-4, rtol=0)
+    np.testing.assert_allclose(np.asarray(maps) / scale, expected / scale, atol=1e-4, rtol=0)
     pooled = np.asarray(global_average_pool(maps))
     np.testing.assert_allclose(pooled / scale, expected.mean((1, 2)) / scale, atol=1e-4, rtol=0)
 
