@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from math import isnan
 from pathlib import Path
 from typing import Any, get_args
 
@@ -11,7 +12,7 @@ from pydantic.dataclasses import dataclass as settings_dataclass
 
 from relm_irl_jax.config import AgentName, Config, Method, overlay, read_fields
 from relm_irl_jax.errors import InputError, first_fault
-from relm_irl_jax.report.comparison import OURS, markdown_difference
+from relm_irl_jax.report.comparison import markdown_difference
 from relm_irl_jax.report.intervals import MeanInterval, mean_interval, paired_difference
 from relm_irl_jax.report.names import metric_name
 from relm_irl_jax.report.tables import MEAN, by_seed
@@ -184,7 +185,7 @@ def ablation_rows(ablation: Ablation, changes: Mapping[str, Any], folder: Path) 
             change = {
                 key: paired_difference(seeds, base[key])[0] for key, seeds in values_by_seed.items() if name != BASE
             }
-            rank = mean_interval([_rank_of_new_targets(run, seed) for seed in range(config.seeds)])
+            rank = mean_interval([_rank_of_new_targets(run, ablation.method, seed) for seed in range(config.seeds)])
             rows.append(
                 AblationRow(
                     agent=agent,
@@ -200,10 +201,10 @@ def ablation_rows(ablation: Ablation, changes: Mapping[str, Any], folder: Path) 
     return rows
 
 
-def _rank_of_new_targets(run: RunFolder, seed: int) -> float:
-    """Median rank of new targets under RELM-IRL's predicted rewards; NaN if it was not measured."""
+def _rank_of_new_targets(run: RunFolder, method: str, seed: int) -> float:
+    """Median rank of new targets under a method's predicted rewards; NaN if it predicts none."""
     quality = load_reward_quality(run.rewards(seed, "quality.csv"))
-    return next((row.median_rank for row in quality if (row.method, row.targets) == (OURS, "new")), float("nan"))
+    return next((row.median_rank for row in quality if (row.method, row.targets) == (method, "new")), float("nan"))
 
 
 def ablation_columns(rows: Sequence[AblationRow]) -> dict[str, list]:
@@ -253,7 +254,7 @@ def ablation_table(rows: Sequence[AblationRow], metric: str) -> str:
     head = "| | rank | " + " | ".join(f"Task {task}: {metric_name(metric)} | change" for task in tasks) + " |"
     lines = [head, "|---|---:|" + "---:|---:|" * len(tasks)]
     for row in rows:
-        texts = [row.title, f"{row.rank:.1f}"]
+        texts = [row.title, "" if isnan(row.rank.mean) else f"{row.rank:.1f}"]
         for task in tasks:
             change = row.change.get((task, metric))
             texts += [str(row.value[task, metric]), "" if change is None else markdown_difference(change)]
