@@ -1,0 +1,270 @@
+"""The mapping agent's policy: draw the map, locate the target, plan, act.
+
+At every step the policy counts the last action, adds the view to its memory if the pose is new, computes the posterior
+over the target's pose and takes the first action of the best path. At the start it looks around, at most three turns,
+while no pose has `confident` probability.
+
+It knows the row of the view in the world's table, only to look up what the network says about that view; whether the
+last action collided; and its own memory. It is told no pose, no map and no distance.
+"""
+
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Float32, Int32, PRNGKeyArray
+
+from relm_irl_jax.agents.map.geometry import GRID, RADIUS
+from relm_irl_jax.agents.map.memory import (
+    Odometry,
+    free_logits,
+    grid_rows,
+    move,
+    start_odometry,
+    summarise,
+    turned,
+)
+from relm_irl_jax.agents.map.network import RECORD, Projections
+from relm_irl_jax.agents.map.planner import Plan, place_costs, plan
+from relm_irl_jax.agents.map.posterior import (
+    distance_bins,
+    log_posterior,
+    scores,
+    search_kernel,
+)
+from relm_irl_jax.types import Observation, Parameters
+
+LARGEST_CHUNK = 32
+"""Episodes planned together: their arrays stay in the cache."""
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class SearchSettings:
+    """How the agent searches; every number is traced.
+
+    Attributes:
+        discount: γ of the probability of discovery.
+        caution: β, the cost of a place per unit of log odds against its being free.
+        confident: probability of a pose above which the agent stops looking around at the start.
+        turns: turns at the start at most.
+        temperature: scores are divided by it: above 1 where the evidence of many cells is less than independent.
+    """
+
+    discount: Float32[Array, ""] | float = 0.9
+    caution: Float32[Array, ""] | float = 3.0
+    confident: Float32[Array, ""] | float = 0.5
+    turns: Int32[Array, ""] | int = 3
+    temperature: Float32[Array, ""] | float = 1.7
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Memory:
+    """What the agent remembers of an episode.
+
+    Attributes:
+        grid: sums of what the views said, by z, x.
+        odometry: pose and poses seen.
+        action: last action, -1 before the first.
+        steps: actions taken.
+    """
+
+    grid: Float[Array, "*batch grid grid record"]
+    odometry: Odometry
+    action: Int32[Array, "*batch"]
+    steps: Int32[Array, "*batch"]
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Prior:
+    """Learned profiles, laid on the square of poses.
+
+    Attributes:
+        free: log odds that a place is free before anything is seen.
+        pose: log probability of a pose at its distance from the start.
+        scale: weight of the evidence that a place is free.
+    """
+
+    free: Float32[Array, "z x"]
+    pose: Float32[Array, "z x"]
+    scale: Float32[Array, ""]
+
+
+def place_prior(parameters: Parameters) -> Prior:
+    """Lay the learned profiles on the square of poses.
+
+    Args:
+        parameters: the agent's parameters.
+
+    Returns:
+        The prior.
+    """
+    bins = jnp.asarray(distance_bins())
+    prior = parameters["prior"]
+    return Prior(jnp.asarray(prior["free"])[bins], jnp.asarray(prior["pose"])[bins], jnp.asarray(prior["scale"]))
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class MapPolicy:
+    """The mapping agent, its tables computed for the views and targets at hand.
+
+    Attributes:
+        record: what each view of the world says about the cells of its region.
+        kernel: spectrum of each target's kernel.
+        prior: the learned profiles.
+        search: how it searches.
+    """
+
+    record: Float[Array, "views cells record"]
+    kernel: Float32[Array, "targets channel 4 2 frequencies"]
+    prior: Prior
+    search: SearchSettings
+
+    def init(self, shape: tuple[int, ...]) -> Memory:
+        """An empty memory.
+
+        Args:
+            shape: scenes and episodes.
+
+        Returns:
+            The memory before the first view.
+        """
+        return Memory(
+            grid=jnp.zeros((*shape, GRID, GRID, RECORD), self.record.dtype),
+            odometry=start_odometry(shape),
+            action=jnp.full(shape, -1, jnp.int32),
+            steps=jnp.zeros(shape, jnp.int32),
+        )
+
+    def act(
+        self, key: PRNGKeyArray, memory: Memory, observation: Observation, target: Int32[Array, "scenes batch"]
+    ) -> tuple[Memory, Int32[Array, "scenes batch"]]:
+        """Draw the view into the map and choose an action.
+
+        Args:
+            key: not used; the policy is deterministic.
+            memory: what is remembered.
+            observation: what is seen.
+            target: row of the target.
+
+        Returns:
+            The memory after the view, and the action.
+        """
+        del key
+        memory = remember(self, memory, observation)
+        shape = target.shape
+        flat = jax.tree.map(lambda x: x.reshape(-1, *x.shape[len(shape) :]), memory)
+        n = target.size
+        chunk = max(size for size in range(1, LARGEST_CHUNK + 1) if n % size == 0)
+        split = lambda x: x.reshape(n // chunk, chunk, *x.shape[1:])  # noqa: E731
+        action = jax.lax.map(
+            lambda part: think(self, *part)[0], (jax.tree.map(split, flat), split(target.reshape(-1)))
+        ).reshape(shape)
+        return Memory(memory.grid, memory.odometry, action, memory.steps + 1), action
+
+
+def remember(policy: MapPolicy, memory: Memory, observation: Observation) -> Memory:
+    """Count the last action and add the view where its pose is new.
+
+    Args:
+        policy: the policy.
+        memory: what is remembered.
+        observation: what is seen.
+
+    Returns:
+        The memory with the view.
+    """
+
+    def one(grid, odometry, action, view, collided):
+        odometry = move(odometry, action, collided)
+        heading, z, x = odometry.pose[0], odometry.pose[1] + RADIUS, odometry.pose[2] + RADIUS
+        new = ~odometry.seen[heading, z, x]
+        values = turned(policy.record[view], heading) * new.astype(grid.dtype)
+        flat = grid.reshape(-1, RECORD).at[grid_rows(odometry.pose)].add(values)
+        seen = odometry.seen.at[heading, z, x].set(True)
+        return flat.reshape(grid.shape), Odometry(odometry.pose, seen, odometry.blocked)
+
+    for _ in observation.view.shape:
+        one = jax.vmap(one)
+    grid, odometry = one(memory.grid, memory.odometry, memory.action, observation.view, observation.collided)
+    return Memory(grid, odometry, memory.action, memory.steps)
+
+
+def locate(
+    policy: MapPolicy, memory: Memory, target: Int32[Array, "batch"]
+) -> tuple[Float32[Array, "batch 4 z x"], Float32[Array, "batch z x"]]:
+    """The posterior over the target's pose, and the log odds that places are free.
+
+    Args:
+        policy: the policy.
+        memory: what is remembered.
+        target: row of the target.
+
+    Returns:
+        P and the log odds.
+    """
+    seen, evidence = summarise(memory.grid)
+    free = free_logits(evidence, policy.prior.free, policy.prior.scale, memory.odometry)
+    score = jax.lax.map(lambda lane: scores(lane[0], policy.kernel[lane[1]]), (seen, target))
+    possible = ~memory.odometry.seen & ~memory.odometry.blocked[:, None]
+    score = score / policy.search.temperature
+    return jnp.exp(log_posterior(score, free, policy.prior.pose, possible)), free
+
+
+def think(
+    policy: MapPolicy, memory: Memory, target: Int32[Array, "batch"]
+) -> tuple[Int32[Array, "batch"], Float32[Array, "batch 4 z x"], Plan]:
+    """Locate the target and plan.
+
+    Args:
+        policy: the policy.
+        memory: what is remembered, with the current view.
+        target: row of the target.
+
+    Returns:
+        The action, the posterior and the plan.
+    """
+    posterior, free = locate(policy, memory, target)
+    odometry, search = memory.odometry, policy.search
+    last = lambda x: jnp.moveaxis(x, 0, -1)  # noqa: E731
+    cost = place_costs(last(free), last(odometry.seen.any(1)), last(odometry.blocked), jnp.float32(search.caution))
+    chosen = plan(last(posterior), cost, odometry.pose.T, jnp.float32(search.discount))
+    unsure = posterior.max((1, 2, 3)) < search.confident
+    looking = (memory.steps < search.turns) & (odometry.pose[:, 1:] == 0).all(1) & unsure
+    return jnp.where(looking, 1, chosen.action), posterior, chosen
+
+
+def map_policy(
+    parameters: Parameters, projections: Projections, target_views: np.ndarray, search: SearchSettings
+) -> MapPolicy:
+    """Prepare the policy for a world.
+
+    Args:
+        parameters: the agent's parameters.
+        projections: what the network says about each view of the world.
+        target_views: row of each target's view.
+        search: how to search.
+
+    Returns:
+        The policy.
+    """
+    rows = jnp.asarray(target_views)
+    return MapPolicy(
+        projections.record, jax.jit(search_kernel)(projections.kernel[rows]), place_prior(parameters), search
+    )
+
+
+def looked_around(memory: Memory) -> Bool[Array, "*batch"]:
+    """Whether all four headings of the start were seen.
+
+    Args:
+        memory: what is remembered.
+
+    Returns:
+        It, for each episode.
+    """
+    return memory.odometry.seen[..., :, RADIUS, RADIUS].all(-1)

@@ -1,0 +1,219 @@
+"""Where the target's pose may be, given the map.
+
+The target's view gives a kernel k: what its view region should look like. Laid on the map at pose (h, p), it scores
+
+    s(h, p) = Σ_y ⟨R_h k(y), m(p + y)⟩                  cross-correlation at four headings h
+
+with R_h turning the view region by h right angles. The score stands for a sum over cells of log-likelihood ratios of
+"seen from there" against "not seen yet", which is 0 where the map is empty. With the prior of a pose, the posterior is
+
+    log P(h, p) = s(h, p) + log p_free(p) + π(|p|) + const       over poses not yet stood on, −∞ on the others
+
+where π is a learned profile over the distance from the start. A policy may divide s by a temperature: neighbouring
+cells do not err independently, and what a search has left over is what the score was wrong about.
+
+*Correlation by Fourier transforms.* With period N = GRID no pose within RADIUS wraps around, and the spectrum of s is
+conj(k̂) m̂. Transforms are products with matrices of cosines and sines: at N = 56 they are faster than an FFT on CPUs
+and accelerators, only the 33 × 33 poses of interest are transformed back, and their gradient is another product.
+
+Sources: Henriques and Vedaldi (2018), localisation by correlation; Stone, "Theory of optimal search" (1975), for the
+posterior over places after unsuccessful search.
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Float32
+
+from relm_irl_jax.agents.map.geometry import GRID, HALF, RADIUS, REACH, SIDE, SPAN, VIEW_CELLS
+from relm_irl_jax.agents.map.network import turn_features
+
+FREQUENCIES = GRID // 2 + 1
+"""Frequencies along x; the others are their conjugates."""
+
+EXCLUDED = -1e9
+"""Log probability of a pose that cannot be the target's."""
+
+_ANGLE = 2 * np.pi / GRID
+_PLACES = np.arange(GRID) - HALF
+_POSES = np.arange(-RADIUS, RADIUS + 1)
+_KERNEL = np.arange(-REACH, REACH + 1)
+
+
+def _waves(places: np.ndarray, frequencies: int) -> Float32[np.ndarray, "place frequency 2"]:
+    """Cosines and sines of each place and frequency."""
+    phase = _ANGLE * np.outer(places, np.arange(frequencies))
+    return np.stack([np.cos(phase), np.sin(phase)], -1).astype(np.float32)
+
+
+def _rotation(waves: Float32[np.ndarray, "place frequency 2"], sign: int) -> Float32[np.ndarray, "2 place 2 frequency"]:
+    """The product with exp(sign · i · phase) as a matrix on real and imaginary parts."""
+    cos, sin = waves[..., 0], sign * waves[..., 1]
+    return np.stack([np.stack([cos, sin], 1), np.stack([-sin, cos], 1)])
+
+
+Spectrum = Float32[Array, "2 frequency frequency_x ..."]
+"""Real and imaginary part of a Fourier transform, for each item and channel. Items and channels come last, so that each
+step of a transform is one product of large matrices, and what it moves about lies in one piece."""
+
+
+def _transform(
+    image: Float[Array, "z x *items"], places: np.ndarray
+) -> Float32[Array, "2 frequency frequency_x *items"]:
+    """Transform images whose rows and columns lie at the given places."""
+    flat = image.reshape(*image.shape[:2], -1)
+    along_x = jnp.asarray(_waves(places, FREQUENCIES) * np.array([1, -1], np.float32))
+    rows = jnp.einsum("xfr,zxn->frzn", along_x, flat)
+    spectrum = jnp.einsum("rzsg,frzn->sgfn", jnp.asarray(_rotation(_waves(places, GRID), -1)), rows)
+    return spectrum.reshape(*spectrum.shape[:3], *image.shape[2:])
+
+
+def _back(spectrum: Float32[Array, "2 frequency frequency_x *items"]) -> Float32[Array, "z x *items"]:
+    """Transform a product of spectra back, at the poses of interest."""
+    flat = spectrum.reshape(*spectrum.shape[:3], -1)
+    rows = jnp.einsum("szrg,rgfn->szfn", jnp.asarray(_rotation(_waves(_POSES, GRID), 1).transpose(2, 1, 0, 3)), flat)
+    twice = np.full(FREQUENCIES, 2.0)
+    twice[[0, -1]] = 1.0
+    along_x = _waves(_POSES, FREQUENCIES) * np.array([1, -1]) * twice[:, None] / GRID**2
+    image = jnp.einsum("xfs,szfn->xzn", jnp.asarray(along_x.astype(np.float32)), rows)
+    return image.swapaxes(0, 1).reshape(SIDE, SIDE, *spectrum.shape[3:])
+
+
+def memory_spectrum(seen: Float[Array, "*items grid grid kernel"]) -> Spectrum:
+    """Transform what the memory says.
+
+    Args:
+        seen: features of each cell, as `summarise` gives them.
+
+    Returns:
+        m̂.
+    """
+    return _transform(jnp.moveaxis(seen, (-3, -2), (0, 1)), _PLACES)
+
+
+def kernel_squares(kernel: Float[Array, "targets cells kernel"]) -> Float[Array, "targets 4 span span kernel"]:
+    """Lay a target's view region on a square, at each of the four headings.
+
+    Args:
+        kernel: the kernels' projections.
+
+    Returns:
+        R_h k, the agent in the middle.
+    """
+    rows, columns = VIEW_CELLS[:, 1] + REACH, VIEW_CELLS[:, 0] + REACH
+    square = jnp.zeros((len(kernel), SPAN, SPAN, kernel.shape[-1]), kernel.dtype).at[:, rows, columns].set(kernel)
+    # Turning right by one: what lay at (u, v) comes to (v, −u) in (x, z).
+    return jnp.stack([turn_features(jnp.rot90(square, -h, (2, 1)), h) for h in range(4)], 1)
+
+
+def kernel_spectrum(kernel: Float[Array, "targets cells kernel"]) -> Spectrum:
+    """Transform targets' kernels at the four headings.
+
+    Args:
+        kernel: the kernels' projections.
+
+    Returns:
+        k̂, its items [targets, 4].
+    """
+    return _transform(jnp.moveaxis(kernel_squares(kernel), (2, 3), (0, 1)), _KERNEL)
+
+
+def _conjugates(memory: Spectrum) -> Float32[Array, "2 2 frequency frequency_x ..."]:
+    """For the real and the imaginary part of conj(k̂) m̂, what k̂'s two parts are multiplied by."""
+    real, imaginary = memory
+    return jnp.stack([jnp.stack([real, imaginary]), jnp.stack([imaginary, -real])])
+
+
+def all_scores(memory: Spectrum, kernel: Spectrum) -> Float32[Array, "memories targets 4 z x"]:
+    """Cross-correlate every target with every memory.
+
+    Args:
+        memory: m̂, its items [memories].
+        kernel: k̂, its items [targets, 4].
+
+    Returns:
+        s at every pose.
+    """
+    product = jnp.einsum("qrgfmc,rgfthc->qgfmth", _conjugates(memory), kernel)
+    return jnp.moveaxis(_back(product), (0, 1), (3, 4))
+
+
+SearchKernel = Float32[Array, "*targets channel 4 2 frequencies"]
+"""Fourier transform of targets' kernels for `scores`: channel, heading, real and imaginary part, frequency."""
+
+
+def search_kernel(kernel: Float[Array, "targets cells kernel"]) -> SearchKernel:
+    """Transform targets' kernels for acting.
+
+    Args:
+        kernel: the kernels' projections.
+
+    Returns:
+        k̂, one row a target.
+    """
+    squares = jnp.moveaxis(kernel_squares(kernel), -1, 1)
+    spectrum = jnp.fft.rfft2(squares, (GRID, GRID)).reshape(*squares.shape[:3], -1)
+    return jnp.stack([spectrum.real, spectrum.imag], -2)
+
+
+def scores(
+    seen: Float32[Array, "grid grid channel"], kernel: Float32[Array, "channel 4 2 frequencies"]
+) -> Float32[Array, "4 z x"]:
+    """Cross-correlate one target with one memory: what acting needs, where no gradient is asked for.
+
+    The same as `all_scores` by fast Fourier transforms, with the sum over channels written out: for one memory at a
+    time this is the fastest on CPUs, for many pairs and their gradients the other.
+
+    Args:
+        seen: features of each cell, as `summarise` gives them.
+        kernel: k̂ of `search_kernel`.
+
+    Returns:
+        s at every pose.
+    """
+    memory = jnp.fft.rfft2(jnp.moveaxis(seen, -1, 0)).reshape(seen.shape[-1], -1)
+    real, imaginary = jnp.float32(0), jnp.float32(0)
+    for a, b, target in zip(memory.real, memory.imag, kernel, strict=True):
+        c, d = target[:, 0], target[:, 1]
+        real, imaginary = real + a * c + b * d, imaginary + b * c - a * d
+    product = jax.lax.complex(real, imaginary).reshape(4, GRID, FREQUENCIES)
+    score = jnp.fft.irfft2(product, (GRID, GRID))
+    # The kernel's first row lies REACH cells before the agent.
+    inner = slice(HALF - RADIUS - REACH, HALF + RADIUS + 1 - REACH)
+    return score[:, inner, inner]
+
+
+def distance_bins() -> np.ndarray:
+    """Distance of each place from the start, in whole cells.
+
+    Returns:
+        Bin [z, x].
+    """
+    return np.rint(np.hypot(_POSES[:, None], _POSES[None])).astype(np.int32)
+
+
+N_BINS = int(distance_bins().max()) + 1
+"""Number of bins of the profiles over the distance from the start."""
+
+
+def log_posterior(
+    score: Float32[Array, "*batch 4 z x"],
+    free: Float32[Array, "*#batch z x"],
+    profile: Float32[Array, "z x"],
+    possible: Bool[Array, "*#batch 4 z x"],
+) -> Float32[Array, "*batch 4 z x"]:
+    """The posterior over the target's pose.
+
+    Args:
+        score: s.
+        free: log odds that each place is free.
+        profile: π of each place.
+        possible: poses that may be the target's: not stood on, not known to be blocked.
+
+    Returns:
+        Its logarithm; `EXCLUDED` or less where it is 0.
+    """
+    logits = score + (jax.nn.log_sigmoid(free) + profile)[..., None, :, :]
+    logits = jnp.where(possible, logits, EXCLUDED)
+    flat = logits.reshape(*logits.shape[:-3], 4 * SIDE * SIDE)
+    return jax.nn.log_softmax(flat, -1).reshape(logits.shape)

@@ -1,0 +1,150 @@
+"""The policy knows nothing but views, collisions and its memory."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from builders import grid_scene
+
+from relm_irl_jax.agents.map.agent import MapAgent, world_rooms, world_views
+from relm_irl_jax.agents.map.network import VIEW, MapNetwork
+from relm_irl_jax.agents.map.train import MapSettings, initial_parameters
+from relm_irl_jax.errors import InputError
+from relm_irl_jax.rewards.functions import ManualReward
+from relm_irl_jax.scenes.scene import pose_graph, successors
+from relm_irl_jax.types import Agent, Observation, Policy, TrainingLog, TrainingProblem
+from relm_irl_jax.world import Targets, World
+
+STEPS = 10
+NETWORK = MapNetwork(width=16, channels=8)
+STARTS = np.array([[0, 7, 13]])
+
+
+@pytest.fixture(scope="module")
+def parameters():
+    return initial_parameters(NETWORK)
+
+
+@pytest.fixture(scope="module")
+def room():
+    """Graph and views of a room of noise."""
+    scene = grid_scene(4, 3)
+    images = np.random.default_rng(0).integers(0, 255, (scene.n_states, VIEW, VIEW, 3)).astype(np.uint8)
+    return successors(scene.graph), images
+
+
+def world_of(*successors):
+    sizes = [len(successor) for successor in successors]
+    offsets = np.cumsum([0, *sizes[:-1]])
+    numbers = np.arange(len(sizes))
+    moves = np.concatenate([successor + offset for successor, offset in zip(successors, offsets, strict=True)])
+    return World(
+        successor=jnp.asarray(moves, jnp.int32),
+        scene=jnp.asarray(np.repeat(numbers, sizes), jnp.int32),
+        local=jnp.asarray(np.concatenate([np.arange(size) for size in sizes]), jnp.int32),
+        features=jnp.zeros((sum(sizes), 1)),
+        room_type=jnp.zeros(len(sizes), jnp.int32),
+        training_scene=jnp.asarray(numbers, jnp.int32),
+        names=tuple(f"bathroom-{number}" for number in numbers),
+    )
+
+
+def targets_of(*states):
+    """Targets; the agent uses their states alone."""
+    n = len(states)
+    none = jnp.zeros((n, 1), jnp.int32)
+    return Targets(jnp.asarray(states, jnp.int32), none[:, 0], none, none[:, 0], none)
+
+
+act = jax.jit(lambda policy, *rest: policy.act(jax.random.key(0), *rest))
+
+
+def actions(parameters, room, goals, starts):
+    """Actions of episodes side by side."""
+    successor, images = room
+    world = world_of(successor)
+    policy = MapAgent({"bathroom-0": images}, network=NETWORK).policy(parameters, world, targets_of(*goals))
+    state = np.asarray(starts)
+    collided, memory, chosen = np.zeros(state.shape, bool), policy.init(state.shape), []
+    target = jnp.asarray(np.arange(state.size).reshape(state.shape) % len(goals), jnp.int32)
+    for _ in range(STEPS):
+        observation = Observation(jnp.asarray(state, jnp.int32), jnp.asarray(collided))
+        memory, action = act(policy, memory, observation, target)
+        following = np.asarray(world.successor)[state, np.asarray(action)]
+        collided, state = following == state, following
+        chosen.append(np.asarray(action))
+    return np.stack(chosen), memory
+
+
+@pytest.fixture(scope="module")
+def reference(parameters, room):
+    return actions(parameters, room, np.array([40, 21]), STARTS)
+
+
+def test_it_looks_around_first(reference):
+    chosen, memory = reference
+    assert (chosen[:3] == 1).all()
+    assert len(np.unique(chosen)) > 1
+    assert (memory.steps == STEPS).all()
+
+
+def test_renumbered_states_get_the_same_actions(parameters, room, reference):
+    successor, images = room
+    order = np.random.default_rng(1).permutation(len(successor))  # new number → old number
+    new = np.argsort(order)
+    renumbered = new[successor[order]].astype(np.int32), images[order]
+    np.testing.assert_array_equal(actions(parameters, renumbered, new[[40, 21]], new[STARTS])[0], reference[0])
+
+
+def test_a_moved_and_turned_frame_gives_the_same_actions(parameters, reference, room):
+    # The same room, laid out from places that are shifted by (5, −7) and turned by 90 degrees.
+    places = [(x, z) for x in range(4) for z in range(3)]
+    turned = [(z + 5, -x - 7) for x, z in places]
+    graph = successors(pose_graph(turned)[2])
+    successor, images = room
+    # Heading h of the old frame is heading h + 1 of the new one.
+    new = np.array([4 * (state // 4) + (state % 4 + 1) % 4 for state in range(len(successor))])
+    shown = np.empty_like(images)
+    shown[new] = images
+    assert (graph[new] == new[successor]).all()
+    chosen = actions(parameters, (graph, shown), new[[40, 21]], new[STARTS])[0]
+    np.testing.assert_array_equal(chosen, reference[0])
+
+
+def test_rooms_are_read_off_a_world(room):
+    successor, images = room
+    n = len(successor)
+    world = world_of(successor, successor)
+    views = world_views({"bathroom-1": images[::-1], "bathroom-0": images}, world)
+    first, second = world_rooms(world, targets_of(3, n + 5, n + 6), views)
+    np.testing.assert_array_equal(first.views, images)
+    np.testing.assert_array_equal(second.views, images[::-1])
+    np.testing.assert_array_equal(first.best, [3])
+    np.testing.assert_array_equal(second.best, [5, 6])
+
+
+def test_missing_and_wrong_views_are_refused(room):
+    successor, images = room
+    world = world_of(successor)
+    with pytest.raises(InputError, match="bathroom-0: the mapping agent needs the scene's views"):
+        world_views({}, world)
+    for wrong in (images[1:], images[:, ::2, ::2]):
+        with pytest.raises(InputError, match="48 RGB views of 64 × 64"):
+            world_views({"bathroom-0": wrong}, world)
+
+
+def test_it_is_an_agent_and_makes_policies(parameters, room):
+    agent = MapAgent({"bathroom-0": room[1]}, network=NETWORK)
+    assert isinstance(agent, Agent)
+    assert isinstance(agent.policy(parameters, world_of(room[0]), targets_of(3)), Policy)
+
+
+@pytest.mark.slow
+def test_training_through_the_agent(room):
+    successor, images = room
+    settings = MapSettings(steps=2, walks=1, targets=2)
+    agent = MapAgent({"bathroom-0": images}, settings, network=MapNetwork(width=8, channels=4))
+    reward = ManualReward(jnp.float32(0), jnp.float32(-1), jnp.float32(-1))
+    problem = TrainingProblem(world_of(successor), targets_of(3), reward, cap=20, frames=1)
+    _, curve = agent.train(jax.random.key(0), problem, TrainingLog())
+    assert np.isfinite(curve.pose).all()

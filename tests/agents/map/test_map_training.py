@@ -1,0 +1,143 @@
+from dataclasses import replace
+
+import jax
+import numpy as np
+import pytest
+from builders import grid_scene
+
+from relm_irl_jax.agents.map.geometry import RADIUS
+from relm_irl_jax.agents.map.network import VIEW, MapNetwork
+from relm_irl_jax.agents.map.train import PREFIXES, MapSettings, initial_parameters, train_map
+from relm_irl_jax.agents.map.training_data import (
+    FIRST_ROOM,
+    LAST_ROOM,
+    check_training_rooms,
+    draw_walks,
+    relative_pose,
+    room_from_graph,
+    to_room,
+    training_numbers,
+)
+from relm_irl_jax.agents.map.weights import load_weights, save_weights
+from relm_irl_jax.errors import InputError
+from relm_irl_jax.scenes.scene import successors
+
+
+@pytest.fixture(scope="module")
+def scene():
+    """A small room whose views are noise of a colour of their own."""
+    bare = grid_scene(4, 3)
+    generator = np.random.default_rng(0)
+    colour = generator.integers(0, 255, (bare.n_states, 1, 1, 3))
+    noise = generator.integers(-40, 40, (bare.n_states, VIEW, VIEW, 3))
+    return replace(bare, observation=np.clip(colour + noise, 0, 255).astype(np.uint8))
+
+
+def test_training_rooms_are_apart_from_every_room_of_a_task():
+    numbers = [number for _, number in training_numbers(3 * (LAST_ROOM - FIRST_ROOM + 1))]
+    assert min(numbers) >= 100
+    assert max(numbers) < 10000
+    for forbidden in (0, 4, 99, 999, 10000, 123456):
+        with pytest.raises(InputError, match="kept for evaluation"):
+            check_training_rooms([FIRST_ROOM, forbidden])
+    with pytest.raises(InputError, match="kept for evaluation"):
+        training_numbers(3 * (LAST_ROOM - FIRST_ROOM + 2))
+
+
+def test_poses_seen_from_another_pose():
+    # From (3, 5) facing +x: two ahead is x + 2, one to the right is z − 1.
+    np.testing.assert_array_equal(relative_pose(np.int32([[0, 4, 7]]), np.int32([1, 5, 5])), [[3, 2, 1]])
+
+
+def test_walks_are_odometry(scene):
+    room = to_room(scene)
+    walks = draw_walks(room, np.random.default_rng(0), walks=5, steps=12, targets=6, best_share=0.5)
+    assert (walks.pose[:, 0] == 0).all()
+    np.testing.assert_array_equal(walks.free.sum((1, 2)), 12)
+    for number in range(5):
+        poses = walks.pose[number][walks.valid[number]]
+        assert len(set(map(tuple, poses.tolist()))) == len(poses)
+        assert walks.free[number, poses[:, 1] + RADIUS, poses[:, 2] + RADIUS].all()
+        assert walks.free[
+            number, walks.target_pose[number, :, 1] + RADIUS, walks.target_pose[number, :, 2] + RADIUS
+        ].all()
+    # The same view has the same place relative to another view in every walk.
+    state = np.array([[int((room.views == view).all((1, 2, 3)).argmax()) for view in row] for row in walks.views])
+    for number in range(5):
+        np.testing.assert_array_equal(
+            walks.pose[number], relative_pose(room.pose[state[number]], room.pose[state[number, 0]])
+        )
+
+
+def test_poses_counted_along_moves_agree_with_the_grid(scene):
+    known = to_room(scene)
+    counted = room_from_graph(scene.views, successors(scene.graph), np.array([5, 7]))
+    np.testing.assert_array_equal(counted.pose, relative_pose(known.pose, known.pose[0]))
+    np.testing.assert_array_equal(counted.distance, known.distance)
+    np.testing.assert_array_equal(counted.best, [5, 7])
+
+
+def test_states_that_the_first_cannot_reach_are_left_out(scene):
+    graph = scene.graph.copy()
+    graph[graph == 4] = -1  # nothing leads to state 4 any more
+    room = room_from_graph(scene.views, successors(graph), np.array([3, 4, 5]))
+    np.testing.assert_array_equal(room.views, np.delete(scene.views, 4, 0))
+    np.testing.assert_array_equal(room.best, [3, 4])
+
+
+def test_large_scenes_are_refused():
+    scene = grid_scene(RADIUS + 2, 1)
+    scene = replace(scene, observation=np.zeros((scene.n_states, 2, 2, 3), np.uint8))
+    with pytest.raises(InputError, match="map holds 17"):
+        to_room(scene)
+    with pytest.raises(InputError, match="map holds 17"):
+        room_from_graph(scene.views, successors(scene.graph), np.zeros(0, np.int32))
+
+
+@pytest.mark.slow
+def test_a_short_training_lowers_its_loss(scene):
+    network = MapNetwork(width=16, channels=8)
+    settings = MapSettings(steps=12, walks=1, targets=4, learning_rate=5e-3)
+    heard = []
+    _, curve = train_map(
+        [to_room(scene)], settings, 0, network, lambda update, losses, state: heard.append(update), interval=4
+    )
+    assert heard == curve.update.tolist() == [4, 8, 12]
+    assert curve.pose.shape == (3, len(PREFIXES))
+    assert curve.pose[-1].mean() < curve.pose[0].mean() - 0.3
+    assert np.isfinite(curve.pose).all()
+
+
+def untrained(network):
+    """Parameters of the right shapes, without compiling their initialisation."""
+    generator = np.random.default_rng(0)
+    shapes = jax.eval_shape(lambda: initial_parameters(network))
+    return jax.tree.map(lambda leaf: generator.normal(size=leaf.shape).astype(np.float32), shapes)
+
+
+def test_weights_survive_their_file(tmp_path):
+    parameters = untrained(MapNetwork())
+    save_weights(tmp_path / "weights.safetensors", parameters, {"rooms": "three"})
+    read, provenance = load_weights(tmp_path / "weights.safetensors")
+    assert provenance == {"rooms": "three"}
+    assert jax.tree.structure(read) == jax.tree.structure(parameters)
+    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-3, atol=1e-6), read, parameters)
+    assert (tmp_path / "weights.safetensors").stat().st_size < 3e6
+
+
+def test_weights_of_another_network_are_refused(tmp_path):
+    save_weights(tmp_path / "small.safetensors", untrained(MapNetwork(width=8)), {})
+    with pytest.raises(InputError, match="do not fit"):
+        load_weights(tmp_path / "small.safetensors")
+    (tmp_path / "broken.safetensors").write_bytes(b"none")
+    with pytest.raises(InputError, match="no safetensors file"):
+        load_weights(tmp_path / "broken.safetensors")
+    with pytest.raises(InputError, match="no such file"):
+        load_weights(tmp_path / "missing.safetensors")
+
+
+def test_the_weights_that_come_with_the_package_load():
+    parameters, provenance = load_weights()
+    assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(parameters))
+    assert "two stages" in provenance["status"]
+    assert "experiments/map_weights.py" in provenance["status"]
