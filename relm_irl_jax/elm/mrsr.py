@@ -42,7 +42,8 @@ class MRSRPath:
     Attributes:
         order: all columns: first those that entered, in the order of entry, then the others by index.
         entered: number of columns that entered.
-        dependent: columns that depend numerically on those that entered; constant columns are among them.
+        dependent: columns that were found to depend numerically on those that entered, before the path ended; constant
+            columns are among them.
         step: γ after each entry; the last is 1 if the path is complete.
         correlation: cumulative correlation of the active set with the residual at each entry.
         basis: one orthonormal row for each entry; the first k span the first k columns of `order`, centred.

@@ -113,6 +113,8 @@ def test_dask_s_workers_find_the_same_solutions(alone):
 
 
 SCRIPT = textwrap.dedent("""
+    import signal
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # which a shell's background jobs ignore
     from tests.irl.problems import pooled_problem, ring, smooth_features
     from relm_irl_jax.irl import solve_many
     scene = ring()
