@@ -3,14 +3,15 @@
 import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import TypeVar, cast
 
 import jax
 import numpy as np
+import optax
 from jaxtyping import Float64
 
 from relm_irl_jax.agents.rollout import EpisodeSums
-from relm_irl_jax.types import Row, State, TrainingLog
+from relm_irl_jax.types import Parameters, Row, State, TrainingLog
 
 Curve = TypeVar("Curve")
 """A dataclass of columns of equal length, one of them named `frames`."""
@@ -128,3 +129,22 @@ def curve_from_rows(kind: type[Curve], rows: Sequence[Row]) -> Curve:
     """
     names = [field.name for field in dataclasses.fields(kind)]  # pyrefly: ignore
     return kind(**{name: np.asarray([row[name] for row in rows], np.float64) for name in names})
+
+
+def apply_gradient(
+    optimizer: optax.GradientTransformation, gradient: Parameters, state: optax.OptState, parameters: Parameters
+) -> tuple[Parameters, optax.OptState]:
+    """Take one gradient step.
+
+    Args:
+        optimizer: the gradient transformation.
+        gradient: gradient of the loss.
+        state: the optimiser's state.
+        parameters: the network's parameters.
+
+    Returns:
+        The next parameters and state.
+    """
+    with jax.numpy_dtype_promotion("standard"):  # Adam raises a float to the power of an integer count
+        change, state = optimizer.update(gradient, state, parameters)
+    return cast(Parameters, optax.apply_updates(parameters, change)), state

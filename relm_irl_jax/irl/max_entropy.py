@@ -19,7 +19,7 @@ from pydantic.dataclasses import dataclass as settings_dataclass
 from scipy.optimize import minimize
 
 from relm_irl_jax.irl.expectations import mean_feature_expectations
-from relm_irl_jax.irl.problem import MaxMarginProblem, check_problem, relative_features
+from relm_irl_jax.irl.problem import MaxMarginProblem, check_problem, relative_features, start_distribution
 from relm_irl_jax.irl.solution import Solution, Status, normalised_solution
 
 MAX_ITERATIONS = 500
@@ -63,11 +63,9 @@ def max_entropy(
     target, states = problem.expert.target, np.unique(problem.states)
     relative = relative_features(problem.features, target)
     expert = mean_feature_expectations(relative, problem.expert.next_state, discount, states)
-    start_distribution = np.zeros(len(relative))
-    start_distribution[states] = 1.0 / len(states)
     size = max(float(np.abs(expert).max()), np.finfo(np.float64).tiny)
     with jax.enable_x64(True):
-        arrays = (relative, problem.successors, start_distribution, np.asarray(target), np.asarray(discount))
+        arrays = (relative, problem.successors, start_distribution(problem), np.asarray(target), np.asarray(discount))
         arguments = tuple(map(jnp.asarray, arrays))
 
         def loss(w):
@@ -93,7 +91,7 @@ def _soft_values(
     w: Float[Array, "d"],
     features: Float[Array, "states d"],
     successors: Int[Array, "states 4"],
-    start_distribution: Float[Array, "states"],
+    distribution: Float[Array, "states"],
     target: Int[Array, ""],
     discount: Float[Array, ""],
 ) -> tuple[Float[Array, ""], Float[Array, "d"]]:
@@ -119,5 +117,5 @@ def _soft_values(
     policy = jnp.where(away[:, None], jax.nn.softmax(quality(value), axis=1), 0.0)
     n = len(features)
     transition = jnp.zeros((n, n), rewards.dtype).at[jnp.arange(n)[:, None], successors].add(policy)
-    visits = jnp.linalg.solve(jnp.eye(n, dtype=rewards.dtype) - discount * transition.T, start_distribution)
-    return start_distribution @ value, jnp.where(away, visits, 0.0) @ features
+    visits = jnp.linalg.solve(jnp.eye(n, dtype=rewards.dtype) - discount * transition.T, distribution)
+    return distribution @ value, jnp.where(away, visits, 0.0) @ features

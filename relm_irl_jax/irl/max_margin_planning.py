@@ -20,7 +20,7 @@ from scipy.sparse import block_array, coo_array, csc_array, csr_array, diags_arr
 
 from relm_irl_jax.irl.clarabel_solver import minimise_quadratic
 from relm_irl_jax.irl.expectations import mean_feature_expectations
-from relm_irl_jax.irl.problem import MaxMarginProblem, check_problem, relative_features
+from relm_irl_jax.irl.problem import MaxMarginProblem, check_problem, relative_features, start_distribution
 from relm_irl_jax.irl.solution import Solution, Status, normalised_solution, unsolved
 
 
@@ -76,9 +76,7 @@ def max_margin_planning(
     # Actions as good as the expert's do not count as departures.
     loss = (problem.expert.suboptimal | problem.expert.better)[state, action].astype(np.float64)
     quadratic = diags_array(np.concatenate([np.full(d, settings.regularisation), np.zeros(2 * n)]))
-    start_distribution = np.zeros(n)
-    start_distribution[states] = 1.0 / len(states)
-    linear = np.concatenate([-expert, np.zeros(n), start_distribution])
+    linear = np.concatenate([-expert, np.zeros(n), start_distribution(problem)])
     right_side = np.concatenate([np.zeros(n + 1), -loss])
     status, point, _, gap = minimise_quadratic(
         csc_array(quadratic), linear, csc_array(rows), right_side, equalities=n + 1

@@ -88,6 +88,21 @@ def relative_features(features: Real[np.ndarray, "states d"], target: int) -> Fl
     return exact - exact[target]
 
 
+def start_distribution(problem: MaxMarginProblem) -> Float64[np.ndarray, "states"]:
+    """The uniform distribution over S₀, in which repeated states count once.
+
+    Args:
+        problem: the problem.
+
+    Returns:
+        Probability of each state.
+    """
+    states = np.unique(problem.states)
+    distribution = np.zeros(len(problem.features))
+    distribution[states] = 1.0 / len(states)
+    return distribution
+
+
 def reward(
     features: Real[np.ndarray, "states d"], target: int, w: Float64[np.ndarray, "d"]
 ) -> Float64[np.ndarray, "states"]:

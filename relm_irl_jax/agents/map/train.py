@@ -32,6 +32,7 @@ from relm_irl_jax.agents.map.posterior import (
     memory_spectrum,
 )
 from relm_irl_jax.agents.map.training_data import Room, Walks, draw_walks
+from relm_irl_jax.agents.training import apply_gradient
 from relm_irl_jax.types import Parameters
 
 PREFIXES = (1, 2, 4, 8, 16, 32)
@@ -206,10 +207,7 @@ def update(state: TrainState, walks: Walks, network: MapNetwork, settings: MapSe
     gradient, losses = jax.grad(compute_loss, has_aux=True)(
         state.parameters, walks, network, jnp.float32(settings.free_weight)
     )
-    with jax.numpy_dtype_promotion("standard"):  # AdamW raises a float to the power of an integer count
-        change, after = optimiser(settings).update(gradient, state.optimiser, state.parameters)
-        parameters = cast(Parameters, optax.apply_updates(state.parameters, change))
-    return TrainState(parameters, after), losses
+    return TrainState(*apply_gradient(optimiser(settings), gradient, state.optimiser, state.parameters)), losses
 
 
 def batches(rooms: Sequence[Room], settings: MapSettings, seed: int) -> Iterator[Walks]:

@@ -18,6 +18,7 @@ from relm_irl_jax.agents.metric.experience_graph import (
 from relm_irl_jax.agents.metric.loss import Losses, LossForm, LossInputs, metric_loss
 from relm_irl_jax.agents.metric.network import MetricNetwork, distance, embed
 from relm_irl_jax.agents.rollout import EpisodeSums, NavigationTask, Workers, rollout, sample_action
+from relm_irl_jax.agents.training import apply_gradient
 from relm_irl_jax.types import NO_MEMORY, Memory, Observation, Parameters
 
 FINAL_RATE = 0.02
@@ -141,10 +142,8 @@ def update(state: TrainState, inputs: UpdateInputs, form: UpdateForm) -> tuple[T
     grad_embeddings, losses = jax.grad(lambda e: metric_loss(pair_key, e, inputs.loss, form.loss), has_aux=True)(
         embeddings
     )
-    with jax.numpy_dtype_promotion("standard"):  # Adam raises a float to the power of an integer count
-        change, optimizer = make_optimizer(inputs.optimizer).update(
-            vjp(grad_embeddings)[0], state.optimizer, state.parameters
-        )
-    parameters = cast(Parameters, optax.apply_updates(state.parameters, change))
+    parameters, optimizer_state = apply_gradient(
+        make_optimizer(inputs.optimizer), vjp(grad_embeddings)[0], state.optimizer, state.parameters
+    )
     graph = add_transitions(state.graph, experience)
-    return TrainState(parameters, optimizer, workers, graph, key), (sums, losses)
+    return TrainState(parameters, optimizer_state, workers, graph, key), (sums, losses)

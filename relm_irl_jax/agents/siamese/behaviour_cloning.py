@@ -20,8 +20,8 @@ from relm_irl_jax.agents.siamese.agent import SiameseAgent
 from relm_irl_jax.agents.siamese.forward import evaluate, tabulate
 from relm_irl_jax.agents.siamese.policy import PairPolicy, SeveralViewsPolicy
 from relm_irl_jax.agents.siamese.training import init_parameters, optimizer_numbers, scene_heads, update_form
-from relm_irl_jax.agents.siamese.update import OptimizerNumbers, UpdateForm, apply_gradient, make_optimizer
-from relm_irl_jax.agents.training import curve_from_rows, run_chunks, split_into_chunks
+from relm_irl_jax.agents.siamese.update import OptimizerNumbers, UpdateForm, make_optimizer
+from relm_irl_jax.agents.training import apply_gradient, curve_from_rows, run_chunks, split_into_chunks
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.types import Demonstrations, Parameters, Requirement, TrainingLog, TrainingProblem
 from relm_irl_jax.world import Targets, World
@@ -144,7 +144,7 @@ def _run_updates(
             return form.reduce(-likelihood), (-likelihood.mean(), agree.mean())
 
         (_, measured), gradient = jax.value_and_grad(loss, has_aux=True)(parameters)
-        return apply_gradient(form, inputs.optimizer, gradient, optimizer, parameters), measured
+        return apply_gradient(make_optimizer(form, inputs.optimizer), gradient, optimizer, parameters), measured
 
     carry, measured = jax.lax.scan(update, carry, jax.random.split(key, updates))
     return carry, jax.tree.map(jnp.mean, measured)

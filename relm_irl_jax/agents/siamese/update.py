@@ -21,6 +21,7 @@ from relm_irl_jax.agents.siamese.forward import Evaluation, passes_by_frames, pa
 from relm_irl_jax.agents.siamese.loss import LossWeights, actor_critic_loss, next_values
 from relm_irl_jax.agents.siamese.network import SiameseActorCritic
 from relm_irl_jax.agents.siamese.state_target_pairs import StateTargetPairs
+from relm_irl_jax.agents.training import apply_gradient
 from relm_irl_jax.types import NO_MEMORY, Memory, Observation, Parameters
 
 NO_VIEW = -1
@@ -125,30 +126,6 @@ def make_optimizer(form: UpdateForm, numbers: OptimizerNumbers) -> optax.Gradien
     return optax.chain(optax.clip_by_global_norm(cast(float, numbers.gradient_clip)), step)
 
 
-def apply_gradient(
-    form: UpdateForm,
-    numbers: OptimizerNumbers,
-    gradient: Parameters,
-    optimizer: optax.OptState,
-    parameters: Parameters,
-) -> tuple[Parameters, optax.OptState]:
-    """Take one gradient step.
-
-    Args:
-        form: the update's static part, which has the kind of optimiser. Static.
-        numbers: the optimiser's numbers.
-        gradient: gradient of the loss.
-        optimizer: the optimiser's state.
-        parameters: θ.
-
-    Returns:
-        The next parameters and state.
-    """
-    with jax.numpy_dtype_promotion("standard"):  # Adam raises a float to the power of an integer count
-        change, optimizer = make_optimizer(form, numbers).update(gradient, optimizer, parameters)
-    return cast(Parameters, optax.apply_updates(parameters, change)), optimizer
-
-
 def initial_memory(shape: tuple[int, ...], history: int) -> Memory:
     """Memory before the first observation: no earlier views.
 
@@ -212,5 +189,6 @@ def update(state: TrainState, inputs: UpdateInputs, form: UpdateForm) -> tuple[T
         experience.output.outputs, next_value, experience, inputs.loss, form.reduce
     )
     gradient = backward(experience.output, grad_outputs)
-    parameters, optimizer = apply_gradient(form, inputs.optimizer, gradient, state.optimizer, state.parameters)
-    return TrainState(parameters, optimizer, workers, key), sums
+    optimizer = make_optimizer(form, inputs.optimizer)
+    parameters, optimizer_state = apply_gradient(optimizer, gradient, state.optimizer, state.parameters)
+    return TrainState(parameters, optimizer_state, workers, key), sums
