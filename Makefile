@@ -85,7 +85,7 @@ paper: $(STAMP)  ## Make every table and figure of the paper. [PIECE VARIANT QUI
 	  $(if $(filter-out 0 no false,$(QUICK)),--quick) $(call option,out,RUN) $(call option,jobs,JOBS) $(ARGS)
 
 notebooks: $(STAMP)  ## Run the notebooks of experiments/notebooks. [ARGS]
-	@$(KEPT) $(BIN)/python -m pytest --nbmake --nbmake-timeout=300 -n0 -p no:cacheprovider $(ARGS) experiments/notebooks
+	@$(KEPT) $(BIN)/python -m pytest --nbmake --nbmake-timeout=300 -p no:cacheprovider $(ARGS) experiments/notebooks
 
 lock:  ## Resolve pyproject.toml into requirements.lock (needs uv).
 	uv pip compile pyproject.toml --extra dev --universal --python-version 3.11 --generate-hashes \

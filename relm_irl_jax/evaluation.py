@@ -7,10 +7,10 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Int32, PRNGKeyArray
+from jaxtyping import Array, Bool, Int32, Key, PRNGKeyArray
 
 from relm_irl_jax import env
-from relm_irl_jax.env import scene_target_ranges
+from relm_irl_jax.env import Episode, TargetRange, scene_target_ranges
 from relm_irl_jax.types import Memory, Observation, Policy
 from relm_irl_jax.world import Targets, World
 
@@ -153,7 +153,7 @@ class _Progress:
 
     number: Int32[Array, "scenes lanes"]
     begun: Int32[Array, "scenes"]
-    episode: env.Episode
+    episode: Episode
     memory: Memory
     collided: Bool[Array, "scenes lanes"]
     length: Int32[Array, "scenes episodes"]
@@ -161,7 +161,7 @@ class _Progress:
     time: Int32[Array, ""]
 
 
-def _start(policy: Policy, drawn: env.Episode, *, lanes: int) -> _Progress:
+def _start(policy: Policy, drawn: Episode, *, lanes: int) -> _Progress:
     """The first episodes of each scene, before their first action."""
     shape = (drawn.target.shape[0], lanes)
     return _Progress(
@@ -180,7 +180,7 @@ def _start(policy: Policy, drawn: env.Episode, *, lanes: int) -> _Progress:
 def _continue(
     key: PRNGKeyArray,
     progress: _Progress,
-    drawn: env.Episode,
+    drawn: Episode,
     policy: Policy,
     world: World,
     targets: Targets,
@@ -238,15 +238,23 @@ def trace_episodes(
     target_range = scene_target_ranges(targets, world.n_scenes, 1)
     reset_key, key = jax.random.split(key)
     first = env.reset_all(reset_key, targets, target_range)
+    states = _states(jax.random.split(key, cap), policy, world, targets, first)
+    states = np.concatenate([np.asarray(first.state)[None], np.asarray(states)])
+    return states[:, :, 0].T, np.asarray(first.target)[:, 0]
+
+
+@jax.jit
+def _states(
+    keys: Key[Array, "time"], policy: Policy, world: World, targets: Targets, first: Episode
+) -> Int32[Array, "time scenes 1"]:
+    """The state after each step, one for each key, without an end at the target."""
+    cap = jnp.int32(len(keys))
 
     def advance(carry, key: PRNGKeyArray):
         episode, memory, collided = carry
         memory, action = policy.act(key, memory, Observation(episode.state, collided), episode.target)
-        episode, transition = env.step(episode, action, world, targets, jnp.int32(cap))
+        episode, transition = env.step(episode, action, world, targets, cap)
         return (episode, memory, transition.collided), episode.state
 
-    shape = target_range.first.shape
-    carry = first, policy.init(shape), jnp.zeros(shape, bool)
-    _, states = jax.jit(lambda carry, keys: jax.lax.scan(advance, carry, keys))(carry, jax.random.split(key, cap))
-    states = np.concatenate([np.asarray(first.state)[None], np.asarray(states)])
-    return states[:, :, 0].T, np.asarray(first.target)[:, 0]
+    shape = first.state.shape
+    return jax.lax.scan(advance, (first, policy.init(shape), jnp.zeros(shape, bool)), keys)[1]
