@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Int32, Key, PRNGKeyArray
 
 from relm_irl_jax import env
-from relm_irl_jax.env import Episode, TargetRange, scene_target_ranges
+from relm_irl_jax.env import Episode, scene_target_ranges
 from relm_irl_jax.types import Memory, Observation, Policy
 from relm_irl_jax.world import Targets, World
 
