@@ -45,6 +45,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--output", type=Path, default=SHIPPED)
     arguments = parser.parse_args()
+    given = sys.argv[1:]
 
     begin, used = time.perf_counter(), time.process_time()
     settings, rooms = MapSettings(rooms=arguments.rooms), GeneratedRooms(arguments.rooms)
@@ -53,7 +54,7 @@ def main() -> None:
             jax.random.key(arguments.seed), rooms, arguments.frames, settings, ProgressLog(advance), MapNetwork()
         )
     provenance = {
-        "command": shlex.join(["python", *sys.argv]),
+        "command": f"make weights ARGS='{shlex.join(given)}'" if given else "make weights",
         "rooms": f"{arguments.rooms // 3} of each type from number {FIRST_ROOM}, generator version {VERSION}",
         "settings": str(settings),
         "frames": str(int(curve.frames[-1])),

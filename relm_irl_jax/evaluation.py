@@ -1,6 +1,8 @@
 """Evaluation: episodes from random starts, and the paper's three metrics (section 5.4)."""
 
+import threading
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 
@@ -17,7 +19,11 @@ from relm_irl_jax.world import Targets, World
 MEMORY_BYTES = 2**26
 """Most memory that policies may keep of episodes that run side by side."""
 
-STEPS_PER_CALL = 25
+PARTS = 2
+"""Parts into which episodes that do not all run side by side are divided, whatever the machine: results depend on it
+where a policy draws its actions."""
+
+STEPS_PER_CALL = 10
 """Steps of one call of the compiled program, after which progress is reported."""
 
 
@@ -106,17 +112,66 @@ def evaluate(
     lanes = lanes_within_memory(policy, world.n_scenes, episodes)
     reset_key, step_key = jax.random.split(key)
     drawn = jax.jit(env.reset_all)(reset_key, targets, target_range)
+    situation = (step_key, policy, world, targets, jnp.int32(cap))
+    if lanes == episodes:
+        length, success = _run(drawn, lanes, situation, advance)
+    else:
+        length, success = _run_in_parts(drawn, lanes, situation, advance)
+    shortest = env.shortest_path(drawn, world, targets)
+    return jax.tree.map(np.asarray, Episodes(drawn.target, drawn.start, length, shortest, success))
+
+
+_Situation = tuple[PRNGKeyArray, Policy, World, Targets, Int32[Array, ""]]
+_Outcome = tuple[Int32[np.ndarray, "scenes episodes"], Bool[np.ndarray, "scenes episodes"]]
+
+
+def _run(
+    drawn: Episode,
+    lanes: int,
+    situation: _Situation,
+    advance: Callable[[int], None] | None = None,
+    stopped: Callable[[], bool] = lambda: False,
+) -> _Outcome:
+    """Run the drawn episodes to their ends, or until it is stopped; their lengths and successes."""
+    key, policy, world, targets, cap = situation
     progress = _start(policy, drawn, lanes=lanes)
     ended = 0
-    while ended < drawn.target.size:
-        progress = _continue(step_key, progress, drawn, policy, world, targets, cap=jnp.int32(cap))
+    while ended < drawn.target.size and not stopped():
+        progress = _continue(key, progress, drawn, policy, world, targets, cap=cap)
         now = int((progress.length > 0).sum())
         if advance is not None:
             advance(now - ended)
         ended = now
-    shortest = env.shortest_path(drawn, world, targets)
-    finished = Episodes(drawn.target, drawn.start, progress.length, shortest, progress.success)
-    return jax.tree.map(np.asarray, finished)
+    return np.asarray(progress.length), np.asarray(progress.success)
+
+
+def _run_in_parts(
+    drawn: Episode, lanes: int, situation: _Situation, advance: Callable[[int], None] | None
+) -> _Outcome:
+    """Run the episodes in `PARTS` parts of each scene, each in a thread: the step of one takes one core at a time."""
+    episodes = drawn.target.shape[1]
+    size, stop = -(-episodes // PARTS), threading.Event()
+    begins = [min(part * size, episodes - size) for part in range(PARTS)]  # the last one overlaps, to be of equal size
+    with ThreadPoolExecutor(PARTS) as threads:
+        running = [
+            threads.submit(
+                _run,
+                jax.tree.map(lambda x, begin=begin: x[:, begin : begin + size], drawn),
+                max(1, lanes // PARTS),
+                situation,
+                advance,
+                stop.is_set,
+            )
+            for begin in begins
+        ]
+        try:
+            parts = [part.result() for part in running]
+        finally:
+            stop.set()
+    length, success = np.zeros(drawn.target.shape, np.int32), np.zeros(drawn.target.shape, bool)
+    for begin, part in zip(begins, parts, strict=True):
+        length[:, begin : begin + size], success[:, begin : begin + size] = part
+    return length, success
 
 
 def lanes_within_memory(policy: Policy, n_scenes: int, episodes: int) -> int:
@@ -198,7 +253,7 @@ def _continue(
 
     def advance(now: _Progress) -> _Progress:
         live = now.number < n_episodes
-        observation = Observation(now.episode.state, now.collided)
+        observation = Observation(now.episode.state, now.collided, live)
         step_key = jax.random.fold_in(key, now.time)
         memory, action = policy.act(step_key, now.memory, observation, now.episode.target)
         episode, transition = env.step(now.episode, action, world, targets, cap)

@@ -48,10 +48,12 @@ class Observation:
         view: row of the observed view in the world's table of views. It is only a key into tables computed from views:
             renumbering all states changes no action.
         collided: whether the last action left the state unchanged; False at the start of an episode.
+        running: whether the action will be taken; what a policy answers elsewhere is dropped. None where all are taken.
     """
 
     view: Int32[Array, "scenes batch"]
     collided: Bool[Array, "scenes batch"]
+    running: Bool[Array, "scenes batch"] | None = None
 
 
 @runtime_checkable

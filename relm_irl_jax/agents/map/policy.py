@@ -158,14 +158,19 @@ class MapPolicy:
         """
         del key
         memory = remember(self, memory, observation)
-        shape = target.shape
-        flat = jax.tree.map(lambda x: x.reshape(-1, *x.shape[len(shape) :]), memory)
-        n = target.size
-        chunk = max(size for size in range(1, LARGEST_CHUNK + 1) if n % size == 0)
-        split = lambda x: x.reshape(n // chunk, chunk, *x.shape[1:])  # noqa: E731
-        action = jax.lax.map(
-            lambda part: think(self, *part)[0], (jax.tree.map(split, flat), split(target.reshape(-1)))
-        ).reshape(shape)
+        n, shape = target.size, target.shape
+        flat, targets = jax.tree.map(lambda x: x.reshape(n, *x.shape[len(shape) :]), memory), target.reshape(n)
+        running = jnp.ones(n, bool) if observation.running is None else observation.running.reshape(n)
+        # Episodes that run come first, so that the chunks behind them are skipped.
+        order = jnp.argsort(~running, stable=True)
+        size = max(size for size in range(1, LARGEST_CHUNK + 1) if n % size == 0)
+
+        def act_together(chunk: Int32[Array, "chunk"]) -> Int32[Array, "chunk"]:
+            chosen = lambda: think(self, jax.tree.map(lambda x: x[chunk], flat), targets[chunk])[0]  # noqa: E731
+            return jax.lax.cond(running[chunk].any(), chosen, lambda: jnp.zeros_like(chunk))
+
+        actions = jax.lax.map(act_together, order.astype(jnp.int32).reshape(-1, size)).reshape(n)
+        action = jnp.zeros(n, jnp.int32).at[order].set(actions).reshape(shape)
         return Memory(memory.grid, memory.odometry, action, memory.steps + 1), action
 
 

@@ -15,8 +15,7 @@ from relm_irl_jax.files import load_arrays_and_metadata, save_arrays
 from relm_irl_jax.types import Parameters
 
 SHIPPED = Path(__file__).with_name("weights.safetensors")
-"""Weights that come with the package: trained in two stages, as their provenance says, and to be replaced by one run of
-`make weights`."""
+"""Weights that come with the package, trained by `make weights`."""
 
 
 def save_weights(path: Path, parameters: Parameters, provenance: Mapping[str, str]) -> None:
