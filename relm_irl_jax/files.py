@@ -12,10 +12,16 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float64
+from platformdirs import user_cache_path
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
 from relm_irl_jax.errors import InputError
+
+
+def cache_folder() -> Path:
+    """The user's cache folder for everything that can be computed again."""
+    return user_cache_path("relm-irl-jax")
 
 
 @contextmanager

@@ -9,11 +9,11 @@ from jaxtyping import Float32
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
+from relm_irl_jax.errors import InputError
 from relm_irl_jax.features.encoder import Encoder, Views, encode
 from relm_irl_jax.features.resnet import N_FEATURES
-from relm_irl_jax.files import write_bytes
+from relm_irl_jax.files import cache_folder, write_bytes
 from relm_irl_jax.progress import console
-from relm_irl_jax.scenes.rooms.cache import cache_folder
 from relm_irl_jax.scenes.scene import Scene
 
 
@@ -56,8 +56,16 @@ def encode_scene(scene: Scene, encoder: Encoder) -> Scene:
 
     Returns:
         The scene with features.
+
+    Raises:
+        InputError: a feature is not finite.
     """
     features = encode_cached(scene.views, encoder, cache_folder() / "features", f"encoding {scene.name}")
+    if not np.isfinite(features).all():
+        view = int(np.flatnonzero(~np.isfinite(features).all(1))[0])
+        raise InputError(
+            f"{scene.name}: the features of view {view} are not finite; give other encoder.weights than {encoder.name}."
+        )
     return replace(scene, features=features, encoder=encoder.name)
 
 

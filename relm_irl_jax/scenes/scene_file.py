@@ -15,11 +15,18 @@ import numpy as np
 
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.files import whole_file
+from relm_irl_jax.scenes.consistency import require_consistent
 from relm_irl_jax.scenes.scene import ACTIONS, COLLISION, ROOM_TYPES, UNREACHABLE, Scene
 
 FORMAT_VERSION = 1
 NAME_PATTERN = r"\w[\w .+-]*"
-"""Pattern of the names of scenes and room types, which become parts of file names."""
+"""Pattern of the names of scenes, which become parts of file names."""
+
+ROOM_TYPE_PATTERN = r"(?!(?i:mean)$)\w[\w.+-]*"
+"""Pattern of room types, which become parts of file names and columns of tables: `mean` is the last column's name."""
+
+LONGEST_NAME = 100
+"""Largest number of characters of a name."""
 
 MAX_COMPRESSION = 2000
 """Largest plausible ratio of a dataset's size to its file's size; with a larger ratio, the file is damaged."""
@@ -57,7 +64,7 @@ def save_scene(scene: Scene, path: str | os.PathLike) -> None:
 
 
 def load_scene(path: str | os.PathLike, *, views: bool = True) -> Scene:
-    """Read a scene from a THOR v1 file.
+    """Read a scene from a THOR v1 file, and check that its datasets agree with each other.
 
     Args:
         path: file to read.
@@ -65,6 +72,25 @@ def load_scene(path: str | os.PathLike, *, views: bool = True) -> Scene:
 
     Returns:
         The scene, with features of crop 0 if the file has features.
+
+    Raises:
+        InputError: the file is missing or not HDF5, a dataset is missing or has a wrong shape or range, or datasets
+            contradict each other (see `consistency`).
+    """
+    scene = read_scene(path, views=views)
+    require_consistent(scene, Path(path))
+    return scene
+
+
+def read_scene(path: str | os.PathLike, *, views: bool = True) -> Scene:
+    """Read a scene without comparing its datasets with each other.
+
+    Args:
+        path: file to read.
+        views: whether to read the views.
+
+    Returns:
+        The scene.
 
     Raises:
         InputError: the file is missing or not HDF5, or a dataset is missing or has a wrong shape or range.
@@ -91,12 +117,13 @@ def room_type_from_name(name: str) -> str:
     Returns:
         One of `ROOM_TYPES`, or for other rooms the name without its number.
     """
-    stem = re.sub(r"[\s_-]*\d+$", "", name.lower())
+    stem = re.sub(r"\s+", "_", re.sub(r"[\s_-]*\d+$", "", name.lower()).strip())
     stem = _OTHER_SPELLINGS.get(stem, stem)
     return next((room_type for room_type in ROOM_TYPES if stem.startswith(room_type)), stem)
 
 
 def _read(file: h5py.File, path: Path, *, views: bool) -> Scene:
+    _check_version(file, path)
     graph = _dataset(file, path, "graph", (None, len(ACTIONS)))
     n_states = len(graph)
     is_state = np.issubdtype(graph.dtype, np.integer) and graph.min() >= COLLISION and graph.max() < n_states
@@ -127,10 +154,12 @@ def _read(file: h5py.File, path: Path, *, views: bool) -> Scene:
     if views:
         observation = _dataset(file, path, "observation", (n_states, None, None, 3))
         _require(observation.dtype == np.uint8, path, "observation", "must be uint8 RGB")
-    name = _text(file, path, "name", path.stem)
+    name = _text(file, path, "name", path.stem, NAME_PATTERN, "a name of letters, digits, '_', '-', '.' and spaces")
+    room_type = room_type_from_name(name)
+    kind = "a name of letters, digits, '_', '-' and '.', and not `mean`"
     return Scene(
         name=name,
-        room_type=_text(file, path, "room_type", room_type_from_name(name)),
+        room_type=_text(file, path, "room_type", room_type, ROOM_TYPE_PATTERN, kind),
         location=location.astype(np.float64),
         rotation=rotation.astype(np.float64),
         graph=graph.astype(np.int32),
@@ -149,6 +178,8 @@ def _dataset(file: h5py.File, path: Path, name: str, shape: tuple[int | None, ..
     stored = file.get(name)
     if not isinstance(stored, h5py.Dataset):
         raise InputError(f"{path}: dataset `{name}` is missing; write the scene again in the THOR v1 format.")
+    elsewhere = stored.file.filename != file.filename or bool(stored.external) or stored.is_virtual
+    _require(not elsewhere, path, name, "is stored in another file")
     actual = stored.shape or ()
     fits = len(actual) == len(shape) and all(n > 0 and m in (None, n) for n, m in zip(actual, shape, strict=True))
     expected = " x ".join("any" if length is None else str(length) for length in shape)
@@ -169,14 +200,22 @@ def _numbers(file: h5py.File, path: Path, name: str, shape: tuple[int | None, ..
     return values
 
 
-def _text(file: h5py.File, path: Path, attribute: str, default: str) -> str:
+def _text(file: h5py.File, path: Path, attribute: str, default: str, pattern: str, kind: str) -> str:
     """Read a string attribute that becomes part of file names."""
     value = file.attrs.get(attribute, default)
-    if not isinstance(value, str) or not re.fullmatch(NAME_PATTERN, value):
-        raise InputError(
-            f"{path}: attribute `{attribute}` must be a name of letters, digits, '_', '-', '.' and spaces."
-        )
+    if not isinstance(value, str) or len(value) > LONGEST_NAME or not re.fullmatch(pattern, value):
+        raise InputError(f"{path}: attribute `{attribute}` must be {kind}, of at most {LONGEST_NAME} characters.")
     return value
+
+
+def _check_version(file: h5py.File, path: Path) -> None:
+    """Refuse a file of a later format; original files have no version."""
+    version = file.attrs.get("format_version", FORMAT_VERSION)
+    if not isinstance(version, int | np.integer) or version != FORMAT_VERSION:
+        raise InputError(
+            f"{path}: attribute `format_version` is {version!r}, and this program reads version {FORMAT_VERSION}; "
+            "install a newer relm-irl-jax, or write the scene again."
+        )
 
 
 def _require(condition: bool, path: Path, dataset: str, fault: str) -> None:

@@ -4,9 +4,9 @@ from collections import defaultdict
 from pathlib import Path
 from typing import Literal
 
-from pydantic import NonNegativeInt, PositiveInt
 from pydantic.dataclasses import dataclass
 
+from relm_irl_jax.bounds import ImageSize, NonNegativeInt, PositiveInt
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.scenes.rooms.cache import built_in_room
 from relm_irl_jax.scenes.scene import ROOM_TYPES, Scene
@@ -28,7 +28,7 @@ class SceneSettings:
     """Unseen scenes of each room type for Task III. In a folder, these follow the training scenes; one is enough."""
     size: Literal["full", "tiny"] = "full"
     """Size of the built-in rooms: the state counts of the original scenes (`full`), or 12 to 20 places (`tiny`)."""
-    image_size: PositiveInt = 224
+    image_size: ImageSize = 224
     """Rows and columns of the views of built-in rooms."""
     first_room: NonNegativeInt = 0
     """Number of the first built-in room of each type; training rooms come first, then unseen rooms."""
@@ -127,12 +127,18 @@ def _scenes_by_type(scenes: str, settings: SceneSettings) -> dict[str, tuple[lis
     """Training scenes and all other scenes of a folder, by room type in alphabetical order."""
     check_scenes_setting(scenes)
     by_type = defaultdict(list)
-    names = set()
+    names: dict[str, Path] = {}
+    first: Scene | None = None
     for path in scene_files(Path(scenes)):
         scene = load_scene(path, views=False)
+        if scene.name in names:
+            raise InputError(f"{path}: its scene has the name {scene.name}, as {names[scene.name]}; rename one.")
+        first = first or scene
+        if (fault := _difference(first, scene)) is not None:
+            raise InputError(f"{path}: {fault}; use scenes whose features are from one encoder.")
         by_type[scene.room_type].append((scene.name, path))
-        names.add(scene.name)
-    if missing := set(settings.training) - names:
+        names[scene.name] = path
+    if missing := set(settings.training) - set(names):
         available = ", ".join(sorted(names))
         raise InputError(f"scene.training: {scenes} contains no scene {min(missing)}; it has {available}.")
     split = {}
@@ -144,3 +150,17 @@ def _scenes_by_type(scenes: str, settings: SceneSettings) -> dict[str, tuple[lis
             training = paths[: settings.training_per_type]
         split[room_type] = training, [path for path in paths if path not in training]
     return split
+
+
+def _difference(first: Scene, scene: Scene) -> str | None:
+    """What makes the features of two scenes of a folder incomparable; None if they can be used together."""
+    if (first.features is None) != (scene.features is None):
+        return f"it has {'no ' if scene.features is None else ''}features, unlike {first.name}"
+    if first.features is None or scene.features is None:
+        return None
+    sizes = first.features.shape[1], scene.features.shape[1]
+    if sizes[0] != sizes[1]:
+        return f"its features have {sizes[1]} numbers, and those of {first.name} {sizes[0]}"
+    if first.encoder != scene.encoder:
+        return f"its features are from the encoder {scene.encoder!r}, and those of {first.name} from {first.encoder!r}"
+    return None

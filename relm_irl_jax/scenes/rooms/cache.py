@@ -1,18 +1,10 @@
 """Cache of built-in rooms: each room is generated once, and then read from the user's cache folder."""
 
-from pathlib import Path
-
-from platformdirs import user_cache_path
-
 from relm_irl_jax.errors import InputError
+from relm_irl_jax.files import cache_folder
 from relm_irl_jax.scenes.rooms.room_specifications import VERSION
 from relm_irl_jax.scenes.scene import Scene
-from relm_irl_jax.scenes.scene_file import load_scene, save_scene
-
-
-def cache_folder() -> Path:
-    """The user's cache folder for generated rooms and features."""
-    return user_cache_path("relm-irl-jax")
+from relm_irl_jax.scenes.scene_file import read_scene, save_scene
 
 
 def built_in_room(
@@ -33,7 +25,7 @@ def built_in_room(
     path = cache_folder() / f"rooms-{VERSION}-{size}-{image_size}" / f"{room_type}-{number}.h5"
     if path.exists():
         try:
-            return load_scene(path, views=views)
+            return read_scene(path, views=views)
         except InputError:
             path.unlink()
     from relm_irl_jax.scenes.rooms.generate import generate_room  # loads JAX
