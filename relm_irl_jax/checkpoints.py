@@ -63,6 +63,10 @@ class Checkpoints:
             ),
         )
 
+    def last_step(self) -> int | None:
+        """Number of rows of the last checkpoint; None if there is none."""
+        return self._manager().latest_step() if self.path.exists() else None
+
     def restore(self, like: State) -> tuple[State, list[Row]] | None:
         """Read the last saved state.
 

@@ -8,13 +8,14 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
-from pydantic import NonNegativeInt, PositiveInt, ValidationError
+from pydantic import ValidationError
 from pydantic.dataclasses import dataclass
 from rich.console import Console
 
 from relm_irl_jax import __version__
+from relm_irl_jax.bounds import ImageSize, NonNegativeInt, PositiveInt, Seed
 from relm_irl_jax.config import Config, Method, Task, load_config
-from relm_irl_jax.errors import InputError, first_fault
+from relm_irl_jax.errors import DivergenceError, InputError, first_fault
 from relm_irl_jax.pipeline import evaluate_run, run
 from relm_irl_jax.play.animation import play as play_run
 from relm_irl_jax.play.keyboard import draw_episode, play_in_terminal, scene_and_targets, scene_and_targets_of_run
@@ -62,7 +63,7 @@ class Play:
     """Method that trained the agent."""
     task: Task = "I"
     """Task, which determines scenes and targets."""
-    seed: NonNegativeInt = 0
+    seed: Seed = 0
     """Seed of the agent."""
     episode: NonNegativeInt = 0
     """Number of the episode, which determines start and target."""
@@ -89,7 +90,7 @@ class Generate:
     """Number of the first room of each type."""
     size: Literal["full", "tiny"] = "full"
     """The original scenes' state counts (full), or 12 to 20 places (tiny)."""
-    image_size: PositiveInt = 224
+    image_size: ImageSize = 224
     """Rows and columns of a view."""
 
 
@@ -160,13 +161,15 @@ def main() -> None:
         _dispatch(sys.argv[1:])
     except InputError as error:
         _exit_with_error(str(error))
+    except DivergenceError as error:
+        _exit_with_error(str(error), 3)
     except ValidationError as error:
         _exit_with_error(first_fault(error))
 
 
-def _exit_with_error(message: str) -> None:
+def _exit_with_error(message: str, code: int = 2) -> None:
     print(f"relm-irl: {message}", file=sys.stderr)
-    sys.exit(2)
+    sys.exit(code)
 
 
 def _dispatch(arguments: list[str]) -> None:

@@ -15,6 +15,13 @@ class InputError(ValueError):
     """
 
 
+class DivergenceError(ArithmeticError):
+    """A training whose numbers are no longer finite: one sentence that names what, and at which frame.
+
+    The command line prints the sentence and exits with code 3.
+    """
+
+
 def first_fault(error: ValidationError, settings: Any = None) -> str:
     """One sentence on the first refused field; unknown fields come first.
 

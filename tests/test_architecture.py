@@ -12,7 +12,7 @@ MODULES = {
 }
 
 LAYERS = (
-    ("errors", "files", "frames", "progress", "lazy", "hardware"),
+    ("bounds", "errors", "files", "frames", "progress", "lazy", "hardware"),
     ("scenes",),
     ("features",),
     ("experts", "demonstrations"),

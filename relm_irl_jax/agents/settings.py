@@ -4,14 +4,12 @@ Numbers that do not change the shape of an array are passed to compiled function
 not compile again.
 """
 
-from typing import Annotated, Literal
+from typing import Literal
 
-from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 from pydantic.dataclasses import dataclass
 
+from relm_irl_jax.bounds import Discount, NonNegativeFloat, PositiveFloat, PositiveInt
 from relm_irl_jax.frames import Frames
-
-Discount = Annotated[float, Field(gt=0, lt=1)]
 
 
 @dataclass(frozen=True)

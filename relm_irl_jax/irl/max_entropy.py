@@ -14,10 +14,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
-from pydantic import PositiveFloat
 from pydantic.dataclasses import dataclass as settings_dataclass
 from scipy.optimize import minimize
 
+from relm_irl_jax.bounds import PositiveFloat
 from relm_irl_jax.irl.expectations import mean_feature_expectations
 from relm_irl_jax.irl.problem import MaxMarginProblem, check_problem, relative_features, start_distribution
 from relm_irl_jax.irl.solution import Solution, Status, normalised_solution

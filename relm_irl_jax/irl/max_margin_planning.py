@@ -14,10 +14,10 @@ Inserting the dual gives one compact program:
 """
 
 import numpy as np
-from pydantic import PositiveFloat
 from pydantic.dataclasses import dataclass as settings_dataclass
 from scipy.sparse import block_array, coo_array, csc_array, csr_array, diags_array, eye_array
 
+from relm_irl_jax.bounds import PositiveFloat
 from relm_irl_jax.irl.clarabel_solver import minimise_quadratic
 from relm_irl_jax.irl.expectations import mean_feature_expectations
 from relm_irl_jax.irl.problem import MaxMarginProblem, check_problem, relative_features, start_distribution

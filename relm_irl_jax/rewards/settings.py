@@ -1,10 +1,17 @@
 """Settings of rewards: hand-made, learned from demonstrations, predicted, and for hindsight relabelling."""
 
-from typing import Annotated, Literal
+from typing import Literal
 
-from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
 from pydantic.dataclasses import dataclass
 
+from relm_irl_jax.bounds import (
+    NonNegativeFloat,
+    NonNegativeInt,
+    PositiveFloat,
+    PositiveInt,
+    RealNumber,
+    UnitInterval,
+)
 from relm_irl_jax.irl import IrlMethodSettings, MaxMarginSettings
 from relm_irl_jax.rewards.equation import LinearRewardForm
 
@@ -13,11 +20,11 @@ from relm_irl_jax.rewards.equation import LinearRewardForm
 class ManualSettings:
     """The hand-made reward of the RL baseline."""
 
-    target: float = 10.0
+    target: RealNumber = 10.0
     """Reward for reaching the target."""
-    collision: float = -0.1
+    collision: RealNumber = -0.1
     """Reward for an action that collides."""
-    step: float = -0.01
+    step: RealNumber = -0.01
     """Reward for any other action."""
 
 
@@ -37,14 +44,14 @@ class IrlSettings(IrlMethodSettings):
     sub_trajectories: bool = True
     """Whether states along the demonstrations serve as further targets for the extreme learning machine: every part of
     a shortest path is a shortest path."""
-    minimum_cost: Annotated[float, Field(ge=0, le=1)] = 0.6
+    minimum_cost: UnitInterval = 0.6
     """Smallest cost of a step in the learned reward, as a share of r_max; with 0, the agent can stay in states without
     cost. Optimal paths under predicted rewards are longer than shortest paths by 0.9% with 0.3 and by 0.1% with 0.6;
     the metric agent's SPL on new targets is .72 and .80 (RELM-IRL, 1.2M frames)."""
     cost_horizon: PositiveFloat = 6.0
     """Agents that learn values divide learned rewards by r_max times this number of steps. Larger returns train less
     reliably, smaller ones are dominated by the entropy bonus (IRL on Task I: SPL 0.92 with 6, 0.90 with 10)."""
-    processes: Annotated[int, Field(ge=0)] = 0
+    processes: NonNegativeInt = 0
     """Processes that solve problems in parallel; 0 for one on each core, or for joblib's configuration."""
 
     def form(self) -> LinearRewardForm:
@@ -67,7 +74,7 @@ class ElmSettings:
     """Order of the regularised regressor's neurons: by MRSR, or random (`none`)."""
     norm: Literal[1, 2] = 1
     """Norm of the cumulative correlation in MRSR; 1 in the paper."""
-    selection: Literal["press", "none"] | Annotated[int, Field(ge=1)] = "press"
+    selection: Literal["press", "none"] | PositiveInt = "press"
     """Neurons that the regularised regressor keeps: the minimum of the PRESS curve, all (`none`), or a number."""
     ridge: NonNegativeFloat | Literal["press"] = 0.0
     """Ridge penalty on the regularised regressor's output weights, or `press` to choose it by PRESS."""
