@@ -20,9 +20,10 @@ from relm_irl_jax.pipeline import evaluate_run, run
 from relm_irl_jax.play.animation import play as play_run
 from relm_irl_jax.play.keyboard import draw_episode, play_in_terminal, scene_and_targets, scene_and_targets_of_run
 from relm_irl_jax.report.run_report import write_report
+from relm_irl_jax.report.run_settings import load_run_settings
 from relm_irl_jax.report.tables import console_table
 from relm_irl_jax.results import Results, load_results
-from relm_irl_jax.run_config import find_run
+from relm_irl_jax.run_config import find_run, locked
 from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.scenes.check import check_files, check_table
 from relm_irl_jax.scenes.recording.export import export_scenes, export_table
@@ -199,7 +200,9 @@ def _dispatch(arguments: list[str]) -> None:
     def report(command: Annotated[Report, tyro.conf.arg(name="")]) -> None:
         """Write the report of a run again."""
         folder = RunFolder(command.run)
-        write_report(folder)
+        load_run_settings(folder)  # refuses other folders before the lock is created there
+        with locked(folder):
+            write_report(folder)
         _show(load_results(folder), folder.path)
 
     @app.command

@@ -165,6 +165,8 @@ def read_fields(path: Path) -> dict[str, Any]:
         values = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); give an existing file.") from error
+    except RecursionError as error:
+        raise InputError(f"{path}: is nested too deeply; correct it.") from error
     except ValueError as error:
         raise InputError(f"{path}: is not valid {path.suffix.lstrip('.').upper()} ({error}); correct it.") from error
     if not isinstance(values, dict):

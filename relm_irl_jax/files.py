@@ -1,9 +1,14 @@
-"""Files of arrays, tables and plain values, written atomically: a reader finds the complete file or none."""
+"""Files of arrays, tables and plain values, written atomically: a reader finds the complete file or none.
+
+Files of arrays contain a checksum of their contents. Any other file can have one in a second file next to it.
+"""
 
 import csv
+import hashlib
 import io
 import json
 import os
+import re
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -24,6 +29,56 @@ def cache_folder() -> Path:
     return user_cache_path("relm-irl-jax")
 
 
+PARTIAL = ".partial"
+"""Suffix of temporary files; a process that is killed leaves them."""
+
+_CHECKSUM = "sha256"
+"""Metadata key of the checksum of a file of arrays."""
+
+
+def remove_partial_files(folder: Path) -> None:
+    """Remove temporary files of processes that were killed; to be called when no other process writes to the folder.
+
+    Args:
+        folder: the folder, with its sub-folders.
+    """
+    for path in folder.rglob(f".*{PARTIAL}"):
+        path.unlink(missing_ok=True)
+
+
+def write_checksum(path: Path) -> None:
+    """Write the checksum of a file to a file next to it.
+
+    Args:
+        path: the file.
+    """
+    write_bytes(_checksum_path(path), _checksum_of(path).encode())
+
+
+def has_checksum(path: Path) -> bool:
+    """Whether a file exists and is as it was when `write_checksum` was called.
+
+    Args:
+        path: the file.
+
+    Returns:
+        Whether the file can be used.
+    """
+    try:
+        return _checksum_path(path).read_bytes().decode(errors="replace") == _checksum_of(path)
+    except OSError:
+        return False
+
+
+def _checksum_path(path: Path) -> Path:
+    return path.with_name(f"{path.name}.sha256")
+
+
+def _checksum_of(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
     """Write a temporary file, and rename it to the final path when the block ends without an error.
@@ -35,7 +90,7 @@ def whole_file(path: Path) -> Iterator[Path]:
         The temporary file to write, in the same folder.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}.", suffix=".partial")
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}.", suffix=PARTIAL)
     os.close(handle)
     temporary = Path(name)
     try:
@@ -138,7 +193,7 @@ def read_numbers(path: Path, names: Sequence[str]) -> dict[str, Float64[np.ndarr
 
 
 def save_arrays(path: Path, arrays: Mapping[str, np.ndarray], metadata: Mapping[str, str] | None = None) -> None:
-    """Write named arrays as safetensors.
+    """Write named arrays as safetensors, with a checksum of all arrays and strings.
 
     Args:
         path: the file.
@@ -146,7 +201,17 @@ def save_arrays(path: Path, arrays: Mapping[str, np.ndarray], metadata: Mapping[
         metadata: strings to store in the same file.
     """
     contiguous = {name: np.ascontiguousarray(value) for name, value in arrays.items()}
-    write_bytes(path, save(contiguous, None if metadata is None else dict(metadata)))
+    strings = dict(metadata or {})
+    write_bytes(path, save(contiguous, strings | {_CHECKSUM: _checksum_of_arrays(contiguous, strings)}))
+
+
+def _checksum_of_arrays(arrays: Mapping[str, np.ndarray], metadata: Mapping[str, str]) -> str:
+    digest = hashlib.sha256(json.dumps(sorted(metadata.items())).encode())
+    for name in sorted(arrays):
+        array = np.ascontiguousarray(arrays[name])
+        digest.update(f"{name} {array.dtype.str} {array.shape}".encode())
+        digest.update(array.tobytes())
+    return digest.hexdigest()
 
 
 def load_arrays(path: Path) -> dict[str, np.ndarray]:
@@ -178,10 +243,21 @@ def load_arrays_and_metadata(path: Path) -> tuple[dict[str, np.ndarray], dict[st
     """
     try:
         with safe_open(str(path), framework="numpy") as file:
-            return {name: file.get_tensor(name) for name in file.keys()}, dict(file.metadata() or {})  # noqa: SIM118
+            arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+            metadata = dict(file.metadata() or {})
     except FileNotFoundError as error:
         raise InputError(f"{path} is missing; restore it, or repeat the command that writes it.") from error
-    except (SafetensorError, OSError) as error:
+    except (SafetensorError, OSError, ValueError, TypeError, AttributeError) as error:  # the last three: unknown types
         raise InputError(
-            f"{path}: cannot be read ({error}); remove it, and repeat the command that writes it."
+            f"{path}: cannot be read ({_first_line(error)}); remove it, and repeat the command that writes it."
         ) from error
+    checksum = metadata.pop(_CHECKSUM, None)
+    # Files of other programs have no checksum, but then they have nothing that looks like one.
+    lost = checksum is None and any(re.fullmatch("[0-9a-f]{64}", value) for value in metadata.values())
+    if lost or (checksum is not None and checksum != _checksum_of_arrays(arrays, metadata)):
+        raise InputError(f"{path}: does not match its checksum; remove it, and repeat the command that writes it.")
+    return arrays, metadata
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).splitlines() or [type(error).__name__])[0]

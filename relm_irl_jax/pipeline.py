@@ -10,7 +10,7 @@ from relm_irl_jax.config import METHODS, Config, Method, Task
 from relm_irl_jax.hardware import Stopwatch
 from relm_irl_jax.report.run_report import write_report
 from relm_irl_jax.rewards.learned import LearnedRewards
-from relm_irl_jax.run_config import open_run
+from relm_irl_jax.run_config import locked, opened_run
 from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.scenes.selection import check_scenes_setting
@@ -53,7 +53,21 @@ def run(
     check_scenes_setting(config.scenes)
     check_agent(config, tasks)
     join(config.cluster)
-    folder = open_run(config)
+    with opened_run(config) as folder:
+        _run_stages(config, folder, tasks, encoded, learn_rewards, maps=maps)
+    return folder
+
+
+def _run_stages(
+    config: Config,
+    folder: RunFolder,
+    tasks: Sequence[Task],
+    encoded: EncodedScenes | None,
+    learn_rewards: LearnRewards,
+    *,
+    maps: bool,
+) -> None:
+    """Run the missing stages."""
     stopwatch = Stopwatch(folder.hardware)
     if encoded is None:
         with stopwatch("scenes and features"):
@@ -81,7 +95,6 @@ def run(
         with stopwatch("evaluation"):
             _evaluate(config, folder, encoded, task, maps=maps)
     write_report(folder)
-    return folder
 
 
 def _evaluate(config: Config, folder: RunFolder, encoded: EncodedScenes, task: Task, *, maps: bool = True) -> None:
@@ -100,5 +113,6 @@ def evaluate_run(config: Config, folder: RunFolder, task: Task) -> None:
         folder: the run folder.
         task: `I`, `II` or `III`.
     """
-    _evaluate(config, folder, encode_training(config), task)
-    write_report(folder)
+    with locked(folder):
+        _evaluate(config, folder, encode_training(config), task)
+        write_report(folder)

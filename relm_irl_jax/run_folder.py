@@ -1,6 +1,7 @@
 """The run folder: all files of a run.
 
     config.json                           the configuration as run
+    .lock                                 held by the process that writes to the folder
     hardware.json                         the computer, and the duration of each stage
     agents/METHOD-seed-S.safetensors      network weights
     curves/METHOD-seed-S.csv              the learning curve
@@ -38,6 +39,11 @@ class RunFolder:
         return self.path / "config.json"
 
     @property
+    def lock(self) -> Path:
+        """Path of the lock that a process holds while it writes to the folder."""
+        return self.path / ".lock"
+
+    @property
     def hardware(self) -> Path:
         """Path of the description of the computer and the duration of each stage."""
         return self.path / "hardware.json"
@@ -53,6 +59,11 @@ class RunFolder:
     def checkpoints(self, method: str, seed: int) -> Path:
         """Folder of a training's checkpoints."""
         return self.path / "checkpoints" / f"{method}-seed-{seed}"
+
+    def finished_checkpoints(self) -> list[Path]:
+        """Folders of checkpoints of trainings whose network is saved: a process was ended before it removed them."""
+        folders = sorted((self.path / "checkpoints").glob("*-seed-*"))
+        return [folder for folder in folders if (self.path / "agents" / f"{folder.name}.safetensors").exists()]
 
     def scalars(self, method: str, seed: int) -> Path:
         """Folder of a training's scalars for TensorBoard."""

@@ -6,10 +6,12 @@ from typing import Protocol, runtime_checkable
 import jax
 import jax.numpy as jnp
 import numpy as np
+from flax.errors import FlaxError
 from jaxtyping import Array, Float32, Int32
 
 from relm_irl_jax.agents.random_agent import RandomPolicy
 from relm_irl_jax.config import METHODS, Config, Method, Task
+from relm_irl_jax.errors import InputError
 from relm_irl_jax.evaluation import compute_metrics, evaluate
 from relm_irl_jax.parameters import load_parameters
 from relm_irl_jax.progress import progress_bar
@@ -56,7 +58,17 @@ def load_policy(config: Config, folder: RunFolder, method: Method, seed: int, ta
     if config.siamese.observe_reward:
         predictor = load_predictor(config, folder, method, seed, task.scenes)
         targets = with_predicted_reward(targets, task.scenes, task.chosen, predictor)
-    return make_agent(config, method).policy(load_parameters(folder.agent(method, seed)), task.world, targets)
+    path = folder.agent(method, seed)
+    parameters = load_parameters(path)
+    try:
+        return make_agent(config, method).policy(parameters, task.world, targets)
+    except InputError:
+        raise
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError, FlaxError) as error:
+        raise InputError(
+            f"{path}: its tensors are not those of the run's agent; remove the file, and run `relm-irl train --resume "
+            f"{folder.path}`."
+        ) from error
 
 
 def evaluate_task(config: Config, folder: RunFolder, training: EncodedScenes, task: Task) -> Results:
