@@ -208,7 +208,7 @@ def _dispatch(arguments: list[str]) -> None:
     @app.command
     def play(command: Annotated[Play, tyro.conf.arg(name="")]) -> None:
         """Save animations of an agent (GIF files in the run folder), or navigate by keyboard."""
-        console = Console()
+        console = Console(markup=False, emoji=False)
         if command.keyboard or command.run is None:
             _play_by_keyboard(command, console)
             return
@@ -269,7 +269,7 @@ def _export(command: ExportVizdoom | ExportThor) -> None:
         openers = thor_scenes(command.scenes, command.settings)
     # Simulators continue to run if this process is terminated without stopping them.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
-    Console().print(export_table(list(export_scenes(openers, command.out))))
+    Console(markup=False, emoji=False).print(export_table(list(export_scenes(openers, command.out))))
 
 
 def _check(command: Check) -> None:
@@ -277,7 +277,7 @@ def _check(command: Check) -> None:
     if not paths:
         raise InputError("scenes check: there are no scene files; give HDF5 files or folders that contain some.")
     checked = check_files(paths)
-    Console().print(check_table(checked))
+    Console(markup=False, emoji=False).print(check_table(checked))
     faults = [fault for result in checked for fault in result.faults]
     if faults:
         raise InputError("\n".join(faults))
@@ -313,6 +313,6 @@ def _pop_option(arguments: list[str], option: str, kind: str, remedy: str) -> tu
 
 
 def _show(results: Results, folder: Path) -> None:
-    console = Console()
+    console = Console(markup=False, emoji=False)
     console.print(console_table(results))
     console.print(f"Report: {folder / 'report.md'}", highlight=False, soft_wrap=True)

@@ -17,7 +17,8 @@ from rich.progress import (
 from rich.table import Column
 from rich.text import Text
 
-console = Console(stderr=True)
+console = Console(stderr=True, markup=False, emoji=False)
+"""Standard error. Names and paths are printed as they are, not as markup."""
 
 
 class _Rate(ProgressColumn):
@@ -42,7 +43,7 @@ def progress_bar(description: str, total: int, unit: str) -> Iterator[Callable[[
         A function that takes the number of units done since its last call.
     """
     columns = (
-        TextColumn("{task.description:<25}", table_column=Column(no_wrap=True)),
+        TextColumn("{task.description:<25}", markup=False, table_column=Column(no_wrap=True)),
         BarColumn(bar_width=5),
         MofNCompleteColumn(table_column=Column(no_wrap=True)),
         _Rate(table_column=Column(no_wrap=True)),

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rich import box
-from rich.markup import escape
 from rich.table import Table
 
 from relm_irl_jax.errors import InputError
@@ -77,14 +76,14 @@ def check_table(checked: Sequence[SceneCheck]) -> Table:
     for result in checked:
         scene = result.scene
         if scene is None or result.image_size is None:
-            table.add_row(escape(result.path.name), *[""] * 7, "cannot be read")
+            table.add_row(result.path.name, *[""] * 7, "cannot be read")
             continue
         n_faults = len(result.faults)
         verdict = {0: "valid", 1: "1 fault"}.get(n_faults, f"{n_faults} faults")
         distance = scene.shortest_path_distance
         table.add_row(
-            escape(result.path.stem),
-            escape(scene.room_type),
+            result.path.stem,
+            scene.room_type,
             f"{scene.n_states}",
             f"{scene.n_states - len(scene.reachable)}",
             f"{int(distance.max(initial=0))}",
