@@ -6,7 +6,8 @@ learning curve so far and the configuration. `relm_irl_jax.parameters` saves the
 
 import logging
 import sys
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from importlib import import_module
 from pathlib import Path
 from shutil import rmtree
@@ -19,6 +20,7 @@ import numpy as np
 
 from relm_irl_jax.config import Config, config_from_dict, config_to_dict, trained_part
 from relm_irl_jax.errors import InputError
+from relm_irl_jax.interruption import deferred
 from relm_irl_jax.types import Row, State
 
 LATE_ERRORS = ("Event loop is closed", "Encountered error while reading")
@@ -43,8 +45,22 @@ class Checkpoints:
     def __exit__(self, *_: object) -> None:
         """Wait until the last checkpoint is written."""
         if self._open_manager is not None:
-            self._open_manager.close()
-            self._open_manager = None
+            manager, self._open_manager = self._open_manager, None
+            with self._writing():
+                manager.close()
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        """Turn the errors of Orbax, which are of many kinds, into one sentence."""
+        try:
+            with deferred():
+                yield
+        except Exception as error:
+            reason = shorten(str(error) or type(error).__name__, 100, placeholder=" …")
+            raise InputError(
+                f"{self.path}: the checkpoint cannot be written ({reason}); free some space, and run the same command "
+                "again."
+            ) from error
 
     def save(self, state: State, rows: list[Row]) -> None:
         """Save a state in place of the previous one. Returns when the arrays are copied; writing continues later.
@@ -54,18 +70,20 @@ class Checkpoints:
             rows: the rows of all chunks so far.
         """
         args = _orbax().args
-        self._manager().save(
-            len(rows),
-            args=args.Composite(
-                state=args.StandardSave(_leaves(state)),
-                rows=args.JsonSave(list(rows)),  # a copy, since the caller appends to the list during writing
-                config=args.JsonSave(config_to_dict(self.config)),
-            ),
-        )
+        with self._writing():
+            self._manager().save(
+                len(rows),
+                args=args.Composite(
+                    state=args.StandardSave(_leaves(state)),
+                    rows=args.JsonSave(list(rows)),
+                    config=args.JsonSave(config_to_dict(self.config)),
+                ),
+            )
 
     def last_step(self) -> int | None:
         """Number of rows of the last checkpoint; None if there is none."""
-        return self._manager().latest_step() if self.path.exists() else None
+        with deferred():
+            return self._manager().latest_step() if self.path.exists() else None
 
     def restore(self, like: State) -> tuple[State, list[Row]] | None:
         """Read the last saved state.
@@ -85,16 +103,17 @@ class Checkpoints:
         form = [jax.ShapeDtypeStruct(x.shape, x.dtype, sharding=x.sharding) for x in _leaves(like)]
         hook = sys.unraisablehook
         try:
-            step = self._manager().latest_step()
+            step = self.last_step()
             if step is None:
                 return None
             sys.unraisablehook = lambda error: None if str(error.exc_value).startswith(LATE_ERRORS) else hook(error)
-            restored = self._manager().restore(
-                step,
-                args=args.Composite(
-                    state=args.StandardRestore(form), rows=args.JsonRestore(), config=args.JsonRestore()
-                ),
-            )
+            with deferred():
+                restored = self._manager().restore(
+                    step,
+                    args=args.Composite(
+                        state=args.StandardRestore(form), rows=args.JsonRestore(), config=args.JsonRestore()
+                    ),
+                )
             saved_config = config_from_dict(restored.config, str(self.path))
         except Exception as error:  # damaged files cause many kinds of exceptions
             reason = shorten(str(error) or type(error).__name__, 60, placeholder=" …")

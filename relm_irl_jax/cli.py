@@ -1,6 +1,6 @@
 """The command `relm-irl`."""
 
-import signal
+import os
 import sys
 from dataclasses import replace
 from importlib import import_module
@@ -15,7 +15,9 @@ from rich.console import Console
 from relm_irl_jax import __version__
 from relm_irl_jax.bounds import ImageSize, NonNegativeInt, PositiveInt, Seed
 from relm_irl_jax.config import Config, Method, Task, load_config
-from relm_irl_jax.errors import DivergenceError, InputError, first_fault
+from relm_irl_jax.errors import DivergenceError, InputError, first_fault, system_fault
+from relm_irl_jax.files import ensure_writable
+from relm_irl_jax.interruption import Resume
 from relm_irl_jax.pipeline import evaluate_run, run
 from relm_irl_jax.play.animation import play as play_run
 from relm_irl_jax.play.keyboard import draw_episode, play_in_terminal, scene_and_targets, scene_and_targets_of_run
@@ -23,7 +25,7 @@ from relm_irl_jax.report.run_report import write_report
 from relm_irl_jax.report.run_settings import load_run_settings
 from relm_irl_jax.report.tables import console_table
 from relm_irl_jax.results import Results, load_results
-from relm_irl_jax.run_config import find_run, locked
+from relm_irl_jax.run_config import find_run, locked, run_path
 from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.scenes.check import check_files, check_table
 from relm_irl_jax.scenes.recording.export import export_scenes, export_table
@@ -166,10 +168,16 @@ def main() -> None:
         _exit_with_error(str(error), 3)
     except ValidationError as error:
         _exit_with_error(first_fault(error))
+    except BrokenPipeError:  # the reader of the output has ended, as in `relm-irl ... | head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(1)
+    except (OSError, MemoryError, UnicodeError) as error:
+        _exit_with_error(system_fault(error))
 
 
 def _exit_with_error(message: str, code: int = 2) -> None:
-    print(f"relm-irl: {message}", file=sys.stderr)
+    # Paths need not be UTF-8.
+    print(f"relm-irl: {message}".encode(errors="backslashreplace").decode(), file=sys.stderr)
     sys.exit(code)
 
 
@@ -186,6 +194,7 @@ def _dispatch(arguments: list[str]) -> None:
         its folder. Agents that are already trained are not trained again, and an interrupted training continues from
         its last checkpoint.
         """
+        Resume.run = run_path(config)
         folder = run(config)
         _show(load_results(folder), folder.path)
 
@@ -256,6 +265,7 @@ def _outcome(path: EpisodePath) -> str:
 
 
 def _generate(command: Generate) -> None:
+    ensure_writable(command.out)
     for room_type in command.room_types:
         for number in range(command.first, command.first + command.count):
             scene = generate_room(room_type, number, size=command.size, image_size=command.image_size)
@@ -267,8 +277,7 @@ def _export(command: ExportVizdoom | ExportThor) -> None:
         openers = vizdoom_maps(command.maps, command.settings)
     else:
         openers = thor_scenes(command.scenes, command.settings)
-    # Simulators continue to run if this process is terminated without stopping them.
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
+    ensure_writable(command.out)
     Console(markup=False, emoji=False).print(export_table(list(export_scenes(openers, command.out))))
 
 
@@ -284,6 +293,8 @@ def _check(command: Check) -> None:
 
 
 def _bench(command: Bench) -> None:
+    if command.name != "encoder":
+        ensure_writable(command.out)
     benchmark = import_module(f"relm_irl_jax.benchmarks.{command.name}")
     benchmark.main(*(() if command.name == "encoder" else (command.out / command.name,)))
 

@@ -5,9 +5,9 @@ import json
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
 from relm_irl_jax.agents.settings import LogSettings, MetricSettings, SiameseSettings
@@ -39,7 +39,9 @@ class Config:
 
     task: Task = "II"
     """Task to evaluate after training; training does not depend on it."""
-    methods: tuple[Literal["all", "random", "bc", "rl", "irl", "elm-irl", "relm-irl"], ...] = ("all",)
+    methods: Annotated[
+        tuple[Literal["all", "random", "bc", "rl", "irl", "elm-irl", "relm-irl"], ...], Field(min_length=1)
+    ] = ("all",)
     """Methods to train and evaluate. `all` means all except behaviour cloning, `bc`, which must be named."""
     scenes: str = ROOMS
     """`rooms` for the built-in scenes, or a folder of HDF5 scene files."""

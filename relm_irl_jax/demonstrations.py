@@ -32,20 +32,28 @@ def load_demonstrations(path: Path, scene: Scene) -> tuple[Trajectory, ...]:
         The demonstrations, in the file's order.
 
     Raises:
-        InputError: a line is not a demonstration in this scene; names the line.
+        InputError: the file is missing or not UTF-8, or a line is not a demonstration in this scene; names the line.
     """
     trajectories = []
-    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
+    try:
+        lines = path.read_text(encoding="utf-8").split("\n")
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file; give a file of demonstrations as JSON lines.") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: is not UTF-8 (byte {error.start}); save it as UTF-8.") from error
+    for number, line in enumerate(lines, start=1):
         if not line.strip():
             continue
         name = f"{path}:{number}"
         try:
             demonstration = json.loads(line)
             states, actions = list(demonstration["states"]), list(demonstration["actions"])
-        except (json.JSONDecodeError, KeyError, TypeError) as error:
+        except (ValueError, KeyError, TypeError, RecursionError) as error:
             raise InputError(
                 f"{name}: not a JSON object with lists `states` and `actions` ({error}); correct the line."
             ) from error
+        if not isinstance(demonstration["states"], list) or not isinstance(demonstration["actions"], list):
+            raise InputError(f"{name}: `states` and `actions` must be lists; correct the line.")
         trajectories.append(to_trajectory(states, actions, scene, name))
     return tuple(trajectories)
 
@@ -99,8 +107,8 @@ def to_trajectory(states: Sequence[Any], actions: Sequence[Any], scene: Scene, n
             "has actions, and at least one action."
         )
     try:
-        numbers = [ACTIONS.index(a) if isinstance(a, str) else int(a) for a in actions]
-        visited = np.asarray([int(state) for state in states], np.int32)
+        numbers = [ACTIONS.index(a) if isinstance(a, str) else _whole_number(a) for a in actions]
+        visited = np.asarray([_whole_number(state) for state in states], np.int32)
     except (TypeError, ValueError, OverflowError) as error:
         raise InputError(
             f"{name}: {error}; states are numbers, actions numbers or one of {', '.join(ACTIONS)}."
@@ -117,6 +125,13 @@ def to_trajectory(states: Sequence[Any], actions: Sequence[Any], scene: Scene, n
                 f"{next_states[state, action]} in {scene.name}; was it recorded in another scene?"
             )
     return Trajectory(states=visited, actions=np.asarray(numbers, np.int32), target=int(visited[-1]))
+
+
+def _whole_number(value: Any) -> int:
+    """A number of a state or action; raises TypeError or ValueError for `true`, fractions and everything else."""
+    if isinstance(value, bool | np.bool_ | str | bytes) or int(value) != value:
+        raise ValueError(f"{value!r} is not a whole number")
+    return int(value)
 
 
 def expert_from_demonstrations(

@@ -21,7 +21,7 @@ from platformdirs import user_cache_path
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
-from relm_irl_jax.errors import InputError
+from relm_irl_jax.errors import InputError, first_line
 
 
 def cache_folder() -> Path:
@@ -32,8 +32,9 @@ def cache_folder() -> Path:
 PARTIAL = ".partial"
 """Suffix of temporary files; a process that is killed leaves them."""
 
-_CHECKSUM = "sha256"
-"""Metadata key of the checksum of a file of arrays."""
+_CONTENTS = "contents"
+"""Metadata key of all strings of a file of arrays and of its checksum, as JSON: safetensors writes several keys in any
+order, and equal contents shall be equal files."""
 
 
 def remove_partial_files(folder: Path) -> None:
@@ -44,6 +45,20 @@ def remove_partial_files(folder: Path) -> None:
     """
     for path in folder.rglob(f".*{PARTIAL}"):
         path.unlink(missing_ok=True)
+
+
+def ensure_writable(folder: Path) -> None:
+    """Create a folder, and write a file to it and remove it: before hours of work, not after.
+
+    Args:
+        folder: the folder.
+
+    Raises:
+        OSError: the folder cannot be written.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.NamedTemporaryFile(dir=folder, prefix=".", suffix=PARTIAL):
+        pass
 
 
 def write_checksum(path: Path) -> None:
@@ -202,7 +217,8 @@ def save_arrays(path: Path, arrays: Mapping[str, np.ndarray], metadata: Mapping[
     """
     contiguous = {name: np.ascontiguousarray(value) for name, value in arrays.items()}
     strings = dict(metadata or {})
-    write_bytes(path, save(contiguous, strings | {_CHECKSUM: _checksum_of_arrays(contiguous, strings)}))
+    contents = {"strings": strings, "sha256": _checksum_of_arrays(contiguous, strings)}
+    write_bytes(path, save(contiguous, {_CONTENTS: json.dumps(contents, sort_keys=True)}))
 
 
 def _checksum_of_arrays(arrays: Mapping[str, np.ndarray], metadata: Mapping[str, str]) -> str:
@@ -249,15 +265,18 @@ def load_arrays_and_metadata(path: Path) -> tuple[dict[str, np.ndarray], dict[st
         raise InputError(f"{path} is missing; restore it, or repeat the command that writes it.") from error
     except (SafetensorError, OSError, ValueError, TypeError, AttributeError) as error:  # the last three: unknown types
         raise InputError(
-            f"{path}: cannot be read ({_first_line(error)}); remove it, and repeat the command that writes it."
+            f"{path}: cannot be read ({first_line(error)}); remove it, and repeat the command that writes it."
         ) from error
-    checksum = metadata.pop(_CHECKSUM, None)
-    # Files of other programs have no checksum, but then they have nothing that looks like one.
-    lost = checksum is None and any(re.fullmatch("[0-9a-f]{64}", value) for value in metadata.values())
-    if lost or (checksum is not None and checksum != _checksum_of_arrays(arrays, metadata)):
+    if _CONTENTS not in metadata:
+        # Files of other programs have no checksum, but then they have nothing that looks like one.
+        if any(re.search('"sha256": "[0-9a-f]{64}"', value) for value in metadata.values()):
+            raise InputError(f"{path}: is damaged; remove it, and repeat the command that writes it.")
+        return arrays, metadata
+    try:
+        contents = json.loads(metadata[_CONTENTS])
+        metadata, checksum = {str(name): str(text) for name, text in contents["strings"].items()}, contents["sha256"]
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+        raise InputError(f"{path}: is damaged; remove it, and repeat the command that writes it.") from error
+    if checksum != _checksum_of_arrays(arrays, metadata):
         raise InputError(f"{path}: does not match its checksum; remove it, and repeat the command that writes it.")
     return arrays, metadata
-
-
-def _first_line(error: Exception) -> str:
-    return (str(error).splitlines() or [type(error).__name__])[0]

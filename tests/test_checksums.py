@@ -23,6 +23,13 @@ def flip(path, share, bit):
     path.write_bytes(content)
 
 
+def test_equal_contents_are_equal_files(tmp_path):
+    strings = dict.fromkeys("zyxwabc", "x")
+    for number in range(10):
+        save_arrays(tmp_path / str(number), {"b": np.ones(2), "a": np.zeros(3)}, strings)
+    assert len({path.read_bytes() for path in tmp_path.iterdir()}) == 1
+
+
 def test_a_flipped_bit_of_every_byte_of_a_file_of_arrays_is_noticed(tmp_path):
     path = tmp_path / "a.safetensors"
     arrays = {"x": np.arange(3, dtype=np.float32), "y": np.ones((1, 2))}

@@ -1,6 +1,7 @@
 """Features on disk. The file name is a checksum of the views and the encoder's fingerprint."""
 
 import hashlib
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -43,7 +44,8 @@ def encode_cached(
                 f"{path.name}: features are damaged ({error}); encoding again", style="yellow", highlight=False
             )
     features = encode(encoder, views, description)
-    _save(features, path)
+    with suppress(OSError):  # without a cache folder, the features are computed again
+        _save(features, path)
     return features
 
 

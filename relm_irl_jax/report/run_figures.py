@@ -8,7 +8,7 @@ from typing import TypeVar
 
 from matplotlib.figure import Figure
 
-from relm_irl_jax.errors import InputError
+from relm_irl_jax.errors import InputError, first_line
 from relm_irl_jax.report.episodes import episode_caption, episode_columns, episode_figure
 from relm_irl_jax.report.figures import (
     DrawnFigure,
@@ -99,7 +99,7 @@ class RunData:
         except InputError as error:
             self.faults.append(str(error))
         except Exception as error:  # a figure that cannot be drawn, for whatever reason, never costs the report
-            reason = (str(error).splitlines() or [type(error).__name__])[0]
+            reason = first_line(error)
             self.faults.append(f"figure {name}: cannot be drawn ({reason}).")
         return []
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from relm_irl_jax.errors import InputError
+from relm_irl_jax.errors import InputError, first_line
 from relm_irl_jax.files import whole_file
 from relm_irl_jax.scenes.consistency import require_consistent
 from relm_irl_jax.scenes.scene import ACTIONS, COLLISION, ROOM_TYPES, UNREACHABLE, Scene
@@ -104,7 +104,7 @@ def read_scene(path: str | os.PathLike, *, views: bool = True) -> Scene:
     except InputError:
         raise
     except Exception as error:  # damaged files cause many kinds of exceptions in the HDF5 library
-        cause = (str(error).splitlines() or [type(error).__name__])[0]
+        cause = first_line(error)
         raise InputError(f"{path}: cannot be read as HDF5 ({cause}); write or copy the file again.") from error
 
 

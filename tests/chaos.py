@@ -1,0 +1,288 @@
+"""`make chaos`: a real process is ended at seeded moments of every stage, and the results are compared bit for bit.
+
+The processes are forked from one that has imported the package, so that a moment costs seconds. Compiled programs are
+kept in `.cache/jax`, as in the other tests.
+"""
+
+import argparse
+import json
+import os
+import random
+import select
+import shutil
+import signal
+import sys
+import tempfile
+import time
+from collections import Counter
+from contextlib import contextmanager
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+sys.path.insert(0, str(ROOT / "tests"))
+
+import conftest  # noqa: E402, F401  keeps compiled programs
+from command import EXPERIMENT, QUICK  # noqa: E402
+
+from relm_irl_jax import hardware, pipeline  # noqa: E402
+from relm_irl_jax.__main__ import main as relm_irl  # noqa: E402
+from relm_irl_jax.play import animation  # noqa: E402, F401
+from relm_irl_jax.run_folder import RunFolder  # noqa: E402
+
+SECONDS_TO_END = 5.0
+"""Seconds within which an interrupted process must end."""
+
+TIMED = ("hardware.json", "report.md", "report.html")
+"""Files that contain durations; the report is compared without its lines of durations."""
+
+
+def commands(seeds, methods):
+    train = ("train", "--config", str(EXPERIMENT), "--run", "run", *QUICK, "--log.checkpoint-minutes", "0")
+    return (
+        (*train, "--frames", "6144", "--seeds", str(seeds), "--methods", *methods),
+        ("evaluate", "run", "--task", "I"),
+        ("report", "run"),
+    )
+
+
+class Child:
+    """A forked process that runs the command in a folder, and says when a stage begins."""
+
+    def __init__(self, folder, arguments, cache):
+        self.folder, reading_writing = folder, os.pipe()
+        self.reading = reading_writing[0]
+        self.errors = folder / "stderr.txt"
+        self.number = os.fork()
+        if self.number == 0:
+            os.close(self.reading)
+            self._run(arguments, cache, reading_writing[1])
+        os.close(reading_writing[1])
+        self.code = None
+
+    def _run(self, arguments, cache, writing):
+        code = 70
+        try:
+            os.setsid()
+            os.chdir(self.folder)
+            os.environ["XDG_CACHE_HOME"] = str(cache)
+            for number, path in ((1, self.folder / "stdout.txt"), (2, self.errors)):
+                os.dup2(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644), number)
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+            announce_stages(writing)
+            sys.argv = ["relm-irl", *arguments]
+            relm_irl()
+            code = 0
+        except SystemExit as stop:
+            code = stop.code or 0
+        except BaseException:
+            import traceback
+
+            traceback.print_exc()
+        finally:
+            end_workers()
+            sys.stderr.flush()
+            sys.stdout.flush()
+            os._exit(code)
+
+    def stage(self, timeout=600.0):
+        """The next stage that begins; None when the process has ended."""
+        if not select.select([self.reading], [], [], timeout)[0]:
+            raise AssertionError(f"{self.folder}: no stage begins")
+        received = os.read(self.reading, 1)
+        line = b""
+        while received not in (b"", b"\n"):
+            line, received = line + received, os.read(self.reading, 1)
+        return line.decode() if received else None
+
+    def wait(self, timeout=600.0):
+        """The exit code; a negative number for a signal."""
+        deadline = time.monotonic() + timeout
+        while self.code is None:
+            ended, status = os.waitpid(self.number, os.WNOHANG)
+            if ended:
+                self.code = os.waitstatus_to_exitcode(status)
+                os.close(self.reading)
+            elif time.monotonic() > deadline:
+                os.killpg(self.number, signal.SIGKILL)
+                raise AssertionError(f"{self.folder}: the process did not end within {timeout:g} s")
+            else:
+                time.sleep(0.01)
+        return self.code
+
+
+def end_workers():
+    """What the end of an interpreter does for joblib's workers, which the end of a forked process does not."""
+    loky = sys.modules.get("joblib.externals.loky.reusable_executor")
+    if loky is not None and loky._executor is not None:
+        loky._executor.shutdown(wait=True, kill_workers=True)
+
+
+def announce_stages(writing):
+    """Write the name of each stage to a pipe when it begins."""
+
+    def announced(name, function):
+        def run(*arguments, **options):
+            os.write(writing, f"{name}\n".encode())
+            return function(*arguments, **options)
+
+        return run
+
+    timed = hardware.Stopwatch.__call__
+
+    @contextmanager
+    def stopwatch(self, stage):
+        os.write(writing, f"{stage}\n".encode())
+        with timed(self, stage):
+            yield
+
+    hardware.Stopwatch.__call__ = stopwatch
+    pipeline.evaluate_task = announced("evaluate", pipeline.evaluate_task)
+    pipeline.save_shown_episodes = announced("episodes", pipeline.save_shown_episodes)
+    pipeline.write_report = announced("report", pipeline.write_report)
+    from relm_irl_jax import cli
+
+    cli.write_report = pipeline.write_report
+
+
+def uninterrupted(folder, all_commands, cache):
+    """Run all commands; the stages of each with their durations in seconds."""
+    folder.mkdir()
+    stages = []
+    for arguments in all_commands:
+        child, began = Child(folder, arguments, cache), [("start", time.monotonic())]
+        while (stage := child.stage()) is not None:
+            began.append((stage, time.monotonic()))
+        assert child.wait() == 0, child.errors.read_text()
+        ends = [moment for _, moment in began[1:]] + [time.monotonic()]
+        stages.append([(stage, end - start) for (stage, start), end in zip(began, ends, strict=True)])
+    return stages
+
+
+def contents(folder):
+    """Every file of a run folder, without what depends on time."""
+    found = {}
+    for path in sorted(folder.rglob("*")):
+        name = str(path.relative_to(folder))
+        if path.is_dir() or name.startswith("tensorboard") or name in (".lock", "report.html", "hardware.json"):
+            continue
+        found[name] = path.read_bytes()
+        if name == "report.md":
+            lines = found[name].split(b"\n")
+            found[name] = b"\n".join(line for line in lines if not line.startswith(b"| ") or b"." not in line)
+            found[name] = found[name].split(b"Hardware and time")[0]
+    return found
+
+
+def end(child, generator, delay):
+    """End a process after a delay; the signal, or None if it had ended before."""
+    time.sleep(delay)
+    ended, status = os.waitpid(child.number, os.WNOHANG)
+    if ended:
+        child.code = os.waitstatus_to_exitcode(status)
+        os.close(child.reading)
+        assert child.code == 0, child.errors.read_text()
+        return None
+    number = generator.choices([signal.SIGKILL, signal.SIGTERM, signal.SIGINT], [3, 1, 1])[0]
+    began = time.monotonic()
+    os.kill(child.number, number)
+    code = child.wait(30)
+    seconds = time.monotonic() - began
+    said = child.errors.read_text(errors="replace")
+    if number == signal.SIGKILL:
+        assert code in (-number, 0), (code, said)
+    else:
+        assert code in (128 + number, 0), (code, said)
+        assert seconds <= SECONDS_TO_END, f"{number.name} took {seconds:.1f} s"
+        assert "Traceback" not in said, said
+        if code:
+            assert "relm-irl: interrupted" in said, said
+    wait_for_group(child.number)
+    return number
+
+
+def wait_for_group(group, seconds=5.0):
+    """No process that the ended one has started remains."""
+    deadline = time.monotonic() + seconds
+    while time.monotonic() < deadline:
+        try:
+            os.killpg(group, 0)
+        except ProcessLookupError:
+            return
+        time.sleep(0.05)
+    os.killpg(group, signal.SIGKILL)
+    raise AssertionError("a process was left")
+
+
+def chaos(kills, seed, methods, seeds, work):
+    """End processes at many moments; the number of endings by stage and signal."""
+    generator = random.Random(seed)
+    all_commands = commands(seeds, methods)
+    warm = work / "cache"
+    uninterrupted(work / "first", all_commands, warm)  # compiles, renders and encodes
+    stages = uninterrupted(work / "reference", all_commands, warm)
+    expected = contents(work / "reference" / "run")
+    counts, case = Counter(), 0
+    while sum(counts.values()) < kills:
+        case += 1
+        folder = work / f"case-{case}"
+        folder.mkdir()
+        cache = folder / "cache" if generator.random() < 0.15 else warm
+        for arguments, of_command in zip(all_commands, stages, strict=True):
+            remaining = generator.randint(1, 5) if arguments[0] == "train" else generator.randint(0, 1)
+            while True:
+                child = Child(folder, arguments, cache)
+                if remaining == 0 or sum(counts.values()) >= kills:
+                    while child.stage() is not None:
+                        pass
+                    assert child.wait() == 0, child.errors.read_text()
+                    break
+                position = generator.randrange(len(of_command))
+                chosen, duration = of_command[position]
+                occurrence = [stage for stage, _ in of_command[: position + 1]].count(chosen)
+                stage = "start"
+                while stage is not None:
+                    occurrence -= stage == chosen
+                    if occurrence == 0:
+                        break
+                    stage = child.stage()
+                if stage is None:  # a stage that the folder does not need any more
+                    assert child.wait() == 0, child.errors.read_text()
+                    break
+                number = end(child, generator, generator.uniform(0, 1.1 * duration))
+                if number is None:
+                    break
+                remaining -= 1
+                counts[chosen, number.name] += 1
+        found = contents(folder / "run")
+        assert set(found) == set(expected), set(found) ^ set(expected)
+        for name, content in expected.items():
+            assert found[name] == content, f"case {case}: {name} differs"
+        assert not RunFolder(folder / "run").finished_checkpoints()
+        print(f"case {case}: {sum(counts.values())} ended, results equal", flush=True)
+        shutil.rmtree(folder)
+    return counts, case
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--kills", type=int, default=100)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--seeds", type=int, default=2)
+    parser.add_argument("--methods", nargs="+", default=["rl", "irl", "relm-irl"])
+    options = parser.parse_args()
+    began = time.monotonic()
+    with tempfile.TemporaryDirectory(prefix="chaos-") as work:
+        counts, cases = chaos(options.kills, options.seed, options.methods, options.seeds, Path(work))
+    by_stage = Counter()
+    for (stage, number), count in counts.items():
+        by_stage[stage] += count
+        by_stage[number] += count
+    print(json.dumps(dict(by_stage)))
+    print(
+        f"{sum(counts.values())} processes ended in {cases} runs, all results equal bit for bit "
+        f"({time.monotonic() - began:.0f} s)"
+    )
+
+
+if __name__ == "__main__":
+    main()
