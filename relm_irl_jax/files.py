@@ -215,7 +215,7 @@ def save_arrays(path: Path, arrays: Mapping[str, np.ndarray], metadata: Mapping[
         arrays: arrays by name.
         metadata: strings to store in the same file.
     """
-    contiguous = {name: np.ascontiguousarray(value) for name, value in arrays.items()}
+    contiguous = {name: np.asarray(value, order="C") for name, value in arrays.items()}
     strings = dict(metadata or {})
     contents = {"strings": strings, "sha256": _checksum_of_arrays(contiguous, strings)}
     write_bytes(path, save(contiguous, {_CONTENTS: json.dumps(contents, sort_keys=True)}))
@@ -224,7 +224,7 @@ def save_arrays(path: Path, arrays: Mapping[str, np.ndarray], metadata: Mapping[
 def _checksum_of_arrays(arrays: Mapping[str, np.ndarray], metadata: Mapping[str, str]) -> str:
     digest = hashlib.sha256(json.dumps(sorted(metadata.items())).encode())
     for name in sorted(arrays):
-        array = np.ascontiguousarray(arrays[name])
+        array = np.asarray(arrays[name], order="C")
         digest.update(f"{name} {array.dtype.str} {array.shape}".encode())
         digest.update(array.tobytes())
     return digest.hexdigest()

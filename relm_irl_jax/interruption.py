@@ -135,9 +135,19 @@ def _end_in_time(reading: int, grace: float) -> None:
             if received[0] in _SIGNALS:
                 break
         time.sleep(grace)
+        ending = threading.Thread(target=end_workers, daemon=True)
+        ending.start()
+        ending.join(1.0)
         kill_children()
         os.write(2, f"{Resume.message()}\n".encode(errors="replace"))
         os._exit(128 + received[0])
+
+
+def end_workers() -> None:
+    """Kill joblib's workers, if there are any, and remove their temporary files."""
+    loky = sys.modules.get("joblib.externals.loky.reusable_executor")
+    if loky is not None and loky._executor is not None:
+        loky._executor.terminate(kill_workers=True)
 
 
 def kill_children() -> None:
@@ -158,9 +168,7 @@ def exit_interrupted(error: KeyboardInterrupt) -> NoReturn:
     Args:
         error: the interruption.
     """
-    loky = sys.modules.get("joblib.externals.loky.reusable_executor")
-    if loky is not None and loky._executor is not None:
-        loky._executor.terminate(kill_workers=True)  # and removes its temporary files
+    end_workers()
     kill_children()
     print(Resume.message(), file=sys.stderr, flush=True)
     with suppress(OSError):

@@ -18,6 +18,7 @@ from relm_irl_jax.stages.encoding import EncodedScenes, encode_training
 from relm_irl_jax.stages.episodes import AgentChoice, save_shown_episodes
 from relm_irl_jax.stages.evaluation import evaluate_task
 from relm_irl_jax.stages.make_agent import check_agent
+from relm_irl_jax.stages.memory import check_memory
 from relm_irl_jax.stages.rewards import LEARNED, learn, save_rewards
 from relm_irl_jax.stages.training import SeedInputs, train_jointly, train_method, trains_jointly
 from relm_irl_jax.tasks import TaskSplit, draw_split
@@ -52,6 +53,7 @@ def run(
     tasks = tuple(tasks) or (config.task,)
     check_scenes_setting(config.scenes)
     check_agent(config, tasks)
+    check_memory(config)
     join(config.cluster)
     with opened_run(config) as folder:
         _run_stages(config, folder, tasks, encoded, learn_rewards, maps=maps)

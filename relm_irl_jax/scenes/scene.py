@@ -29,6 +29,9 @@ ROOM_TYPES = ("bathroom", "bedroom", "living_room")
 COLLISION = -1
 """Entry of `Scene.graph` where the action would collide and leaves the state unchanged."""
 
+ROWS_AT_ONCE = 512
+"""Rows of the table of distances that are computed at once."""
+
 UNREACHABLE = -1
 """Entry of `Scene.shortest_path_distance` where no path exists."""
 
@@ -152,8 +155,12 @@ def shortest_path_distances(graph: Int[np.ndarray, "states 4"]) -> Int32[np.ndar
     """
     state, action = np.nonzero(graph != COLLISION)
     edges = csr_array((np.ones(len(state)), (state, graph[state, action])), shape=(len(graph), len(graph)))
-    distance = shortest_path(edges, method="D", unweighted=True)
-    return np.where(np.isinf(distance), UNREACHABLE, distance).astype(np.int32)
+    distances = np.empty((len(graph), len(graph)), np.int32)
+    for first in range(0, len(graph), ROWS_AT_ONCE):  # scipy's own table has 64 bits
+        rows = np.arange(first, min(first + ROWS_AT_ONCE, len(graph)))
+        found = shortest_path(edges, method="D", unweighted=True, indices=rows)
+        distances[rows] = np.where(np.isinf(found), UNREACHABLE, found)
+    return distances
 
 
 def successors(graph: Int[np.ndarray, "states 4"]) -> Int32[np.ndarray, "states 4"]:

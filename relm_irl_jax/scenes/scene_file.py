@@ -15,6 +15,7 @@ import numpy as np
 
 from relm_irl_jax.errors import InputError, first_line
 from relm_irl_jax.files import whole_file
+from relm_irl_jax.hardware import require_memory
 from relm_irl_jax.scenes.consistency import require_consistent
 from relm_irl_jax.scenes.scene import ACTIONS, COLLISION, ROOM_TYPES, UNREACHABLE, Scene
 
@@ -124,6 +125,7 @@ def room_type_from_name(name: str) -> str:
 
 def _read(file: h5py.File, path: Path, *, views: bool) -> Scene:
     _check_version(file, path)
+    require_memory(_memory(file, views=views), f"{path}: reading the scene")
     graph = _dataset(file, path, "graph", (None, len(ACTIONS)))
     n_states = len(graph)
     is_state = np.issubdtype(graph.dtype, np.integer) and graph.min() >= COLLISION and graph.max() < n_states
@@ -133,7 +135,9 @@ def _read(file: h5py.File, path: Path, *, views: bool) -> Scene:
     column = isinstance(stored, h5py.Dataset) and len(stored.shape or ()) == 2
     rotation = _numbers(file, path, "rotation", (n_states, 1) if column else (n_states,)).reshape(-1)
     distance = _numbers(file, path, "shortest_path_distance", (n_states, n_states))
-    is_distance = distance.min() >= UNREACHABLE and distance.max() < 2**31 and (distance == np.round(distance)).all()
+    is_distance = distance.min() >= UNREACHABLE and distance.max() < 2**31
+    if distance.dtype.kind == "f":
+        is_distance = is_distance and (distance == np.round(distance)).all()
     _require(bool(is_distance), path, "shortest_path_distance", "must contain whole numbers, -1 or more")
     features = observation = visible = None
     categories = ()
@@ -162,8 +166,8 @@ def _read(file: h5py.File, path: Path, *, views: bool) -> Scene:
         room_type=_text(file, path, "room_type", room_type, ROOM_TYPE_PATTERN, kind),
         location=location.astype(np.float64),
         rotation=rotation.astype(np.float64),
-        graph=graph.astype(np.int32),
-        shortest_path_distance=distance.astype(np.int32),
+        graph=graph.astype(np.int32, copy=False),
+        shortest_path_distance=distance.astype(np.int32, copy=False),
         observation=observation,
         features=features,
         visible_object=visible,
@@ -171,6 +175,17 @@ def _read(file: h5py.File, path: Path, *, views: bool) -> Scene:
         source=str(file.attrs.get("source", "thor")),
         encoder=str(file.attrs.get("encoder", "dump" if features is not None else "")),
     )
+
+
+def _memory(file: h5py.File, *, views: bool) -> int:
+    """Bytes in memory while a scene is read: its large datasets, and distances of another type twice."""
+    total = 0
+    for name in ("shortest_path_distance", "resnet_feature", *(("observation",) if views else ())):
+        stored = file.get(name)
+        if isinstance(stored, h5py.Dataset) and stored.shape:
+            copies = 2 if name == "shortest_path_distance" and stored.dtype != np.int32 else 1
+            total += copies * int(stored.nbytes)
+    return total
 
 
 def _dataset(file: h5py.File, path: Path, name: str, shape: tuple[int | None, ...]) -> np.ndarray:
@@ -194,9 +209,11 @@ def _numbers(file: h5py.File, path: Path, name: str, shape: tuple[int | None, ..
     """Read a dataset of finite real numbers."""
     values = _dataset(file, path, name, shape)
     _require(values.dtype.kind in "iuf", path, name, f"must contain real numbers, not {values.dtype}")
-    limit = float(np.finfo(np.float32).max)
-    fits = np.isfinite(values).all() and np.abs(values, dtype=np.float64).max() <= limit
-    _require(bool(fits), path, name, "has values that are not finite")
+    if values.dtype.kind == "f":
+        limit = float(np.finfo(np.float32).max)
+        # The extremes are NaN or infinite if any value is; this takes no memory, unlike a mask.
+        fits = -limit <= float(values.min()) and float(values.max()) <= limit
+        _require(fits, path, name, "has values that are not finite")
     return values
 
 

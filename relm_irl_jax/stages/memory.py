@@ -1,0 +1,71 @@
+"""Estimate of the memory that a run needs, so that absurd settings are refused before the work."""
+
+from relm_irl_jax.config import Config
+from relm_irl_jax.hardware import require_memory
+from relm_irl_jax.scenes.scene import ROOM_TYPES
+from relm_irl_jax.scenes.selection import ROOMS
+
+LARGEST_ROOM = 876
+"""Most states of a built-in room."""
+
+FLOAT32, FLOAT64 = 4, 8
+"""Bytes of a number."""
+
+ACTIVATIONS = 4
+"""Arrays of a training step with one row of a layer's width for each frame: three layers and a gradient."""
+
+MATRICES = 3
+"""Matrices of the size of the hidden layer's outputs while a regressor is fitted."""
+
+
+def check_memory(config: Config) -> None:
+    """Refuse a configuration that the memory does not suffice for.
+
+    Args:
+        config: the configuration.
+
+    Raises:
+        InputError: some part needs more memory than is available; names its settings.
+    """
+    for what, needed in estimates(config).items():
+        require_memory(needed, what)
+
+
+def estimates(config: Config) -> dict[str, int]:
+    """Lower bounds of the bytes that each part of a run needs.
+
+    Args:
+        config: the configuration.
+
+    Returns:
+        Bytes by the settings that determine them.
+    """
+    needed = {}
+    if config.scenes == ROOMS:
+        rooms = len(ROOM_TYPES) * config.scene.training_per_type
+        states = 20 * 4 if config.scene.size == "tiny" else LARGEST_ROOM // 2
+        needed["scene.training_per_type and scene.image_size: views"] = rooms * states * 3 * config.scene.image_size**2
+    needed |= _training_steps(config).get(config.agent, {})
+    if {"elm-irl", "relm-irl"} & set(config.chosen_methods()):
+        # `elm.pairs` is an upper bound, of which a run with few demonstrations has fewer.
+        needed["elm.hidden and elm.pairs: fitting the regressor"] = (
+            config.elm.hidden * min(config.elm.pairs, config.elm.hidden) * MATRICES * FLOAT64
+        )
+    return needed
+
+
+def _training_steps(config: Config) -> dict[str, dict[str, int]]:
+    """Bytes of a training step of each agent."""
+    siamese, metric = config.siamese, config.metric
+    frames = siamese.workers * siamese.t_max
+    pairs = metric.states * metric.goals * metric.groups
+    return {
+        "siamese": {
+            "siamese.workers, siamese.t_max and siamese.width: a training step": frames
+            * (siamese.width * ACTIVATIONS * FLOAT32)
+        },
+        "metric": {
+            "metric.states, metric.goals and metric.groups: a training step": pairs * ACTIVATIONS * FLOAT32,
+            "metric.workers and metric.t_max: a training step": metric.workers * metric.t_max * ACTIVATIONS * FLOAT32,
+        },
+    }
