@@ -194,7 +194,7 @@ def _dispatch(arguments: list[str]) -> None:
         its folder. Agents that are already trained are not trained again, and an interrupted training continues from
         its last checkpoint.
         """
-        Resume.run = run_path(config)
+        Resume.run = run_path(config.resolved())
         folder = run(config)
         _show(load_results(folder), folder.path)
 

@@ -6,7 +6,7 @@ Trainings whose results are in the run folder are not repeated.
 from collections.abc import Callable, Sequence
 
 from relm_irl_jax.cluster import join
-from relm_irl_jax.config import METHODS, Config, Method, Task
+from relm_irl_jax.config import LEARNED, METHODS, Config, Method, Task
 from relm_irl_jax.hardware import Stopwatch
 from relm_irl_jax.report.run_report import write_report
 from relm_irl_jax.rewards.learned import LearnedRewards
@@ -19,7 +19,7 @@ from relm_irl_jax.stages.episodes import AgentChoice, save_shown_episodes
 from relm_irl_jax.stages.evaluation import evaluate_task
 from relm_irl_jax.stages.make_agent import check_agent
 from relm_irl_jax.stages.memory import check_memory
-from relm_irl_jax.stages.rewards import LEARNED, learn, save_rewards
+from relm_irl_jax.stages.rewards import learn, save_rewards
 from relm_irl_jax.stages.training import SeedInputs, train_jointly, train_method, trains_jointly
 from relm_irl_jax.tasks import TaskSplit, draw_split
 
@@ -50,6 +50,7 @@ def run(
     Raises:
         InputError: the configuration, the scenes or the run folder cannot be used.
     """
+    config = config.resolved()
     tasks = tuple(tasks) or (config.task,)
     check_scenes_setting(config.scenes)
     check_agent(config, tasks)

@@ -26,16 +26,18 @@ class _Rate(ProgressColumn):
 
     def render(self, task: Task) -> Text:
         """Return the rate with its unit, or a dash before the first unit is done."""
-        rate = task.finished_speed or task.speed
-        return Text("-" if rate is None else f"{rate:,.0f} {task.fields['unit']}/s", style="cyan")
+        rate = task.completed / task.finished_time if task.finished_time else task.speed
+        if rate is None:
+            return Text("-", style="cyan")
+        return Text(f"{rate:,.{0 if rate >= 10 else 1}f} {task.fields['unit']}/s", style="cyan")
 
 
 @contextmanager
-def progress_bar(description: str, total: int, unit: str) -> Iterator[Callable[[int], None]]:
+def progress_bar(description: str | None, total: int, unit: str) -> Iterator[Callable[[int], None]]:
     """Show a bar while the block runs.
 
     Args:
-        description: label of the bar, for example `rendering bathroom-0`.
+        description: label of the bar, for example `rendering bathroom-0`; None for no bar.
         total: number of units in total.
         unit: plural name of the unit, for example `views`.
 
@@ -50,6 +52,6 @@ def progress_bar(description: str, total: int, unit: str) -> Iterator[Callable[[
         TimeElapsedColumn(table_column=Column(no_wrap=True)),
         TimeRemainingColumn(table_column=Column(no_wrap=True)),
     )
-    with Progress(*columns, console=console) as progress:
-        task = progress.add_task(description, total=total, unit=unit)
+    with Progress(*columns, console=console, disable=description is None) as progress:
+        task = progress.add_task(description or "", total=total, unit=unit)
         yield lambda done: progress.advance(task, done)

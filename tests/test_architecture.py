@@ -103,3 +103,10 @@ def test_public_functions_say_what_they_take_and_return():
         public = not function.name.startswith("_") and function in ast.iter_child_nodes(MODULES[module])
         if not module.startswith("benchmarks.") and public and len(function.args.args) > 2:
             assert "Args:" in documented, f"{module}.{function.name}"
+
+
+def test_agents_donate_no_state():
+    """The state before a chunk is saved if the chunk is interrupted, which a donated one cannot be."""
+    for module, tree in MODULES.items():
+        if module.startswith("agents."):
+            assert "donate" not in ast.unparse(tree), module

@@ -27,7 +27,7 @@ from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.saved_maps import StateMap, load_episodes, load_map
 
 CURVELESS = ("random", "bc")
-"""Methods whose training has no episodes."""
+"""Methods whose training has no episodes, as that of the mapping agent."""
 
 LEARNED = ("irl", "elm-irl", "relm-irl")
 """Methods whose reward is learned from demonstrations."""
@@ -62,6 +62,12 @@ class RunData:
     def seeds(self) -> list[int]:
         """The seeds of the results."""
         return seeds_of([row for results in self.results.values() for row in results.rows])
+
+    @property
+    def agent(self) -> str:
+        """The agent of the results; empty if there is none but Random."""
+        agents = {row.agent for results in self.results.values() for row in results.rows} - {"random"}
+        return min(agents, default="")
 
     @property
     def learned_rewards(self) -> bool:
@@ -111,7 +117,7 @@ class RunData:
         """
         curves: dict[str, dict[int, TrainingCurve]] = {}
         for method, seeds in self.trained.items():
-            for seed in () if method in CURVELESS else seeds:
+            for seed in () if method in CURVELESS or self.agent == "map" else seeds:
                 path = self.folder.curve(method, seed)
                 curve = self.read(load_curve, path)
                 if curve is None:

@@ -121,7 +121,7 @@ def circumstances(folder: RunFolder, heading: str) -> list[str]:
         f"{heading} Where this differs from the paper",
         "",
         f"{scenes} instead of AI2-THOR; an encoder with weights {as_code(settings.weights)} instead of ImageNet's; "
-        f"{settings.frames:,} training frames per method and {cap} steps per episode, where the paper's text says 5000 "
+        f"{as_text(settings.training)} and {cap} steps per episode, where the paper's text says 5000 "
         f"and its tables fit 100; {AGENT_NAMES.get(settings.agent, f'agent {as_code(settings.agent)}')}.",
         "",
         *_hardware(folder, heading),
@@ -140,15 +140,16 @@ def _summary(settings: RunSettings, data: RunData) -> list[str]:
     rows = [row for results in data.results.values() for row in results.rows]
     episodes = " or ".join(map(str, sorted({row.episodes for row in rows})))
     seeds = f"seed{'s' if len(data.seeds) > 1 else ''} {', '.join(map(str, data.seeds))}"
-    agent = f"{as_text(settings.agent)} agent" + (
-        f" (hindsight: {as_text(settings.hindsight)})" if settings.agent == "metric" else ""
-    )
+    detail = {
+        "metric": f" (hindsight: {as_text(settings.hindsight)})",
+        "map": f" (memory at the start: {as_text(settings.map_memory)})",
+    }
+    agent = f"{as_text(settings.agent)} agent{detail.get(settings.agent, '')}"
     actions = "drawn from the policy" if settings.policy == "sample" else "of highest probability"
     uniform = "" if settings.new_targets == "paper" else ", Task II's targets drawn uniformly"
     return [
         f"Scenes {as_code(settings.scenes)}, encoder {as_text(first.encoder)}, {agent}, cap {first.cap} steps, "
-        f"{episodes} episodes for each scene, {settings.frames:,} training frames per method, {seeds}, actions "
-        f"{actions}{uniform}.",
+        f"{episodes} episodes for each scene, {as_text(settings.training)}, {seeds}, actions {actions}{uniform}.",
         "",
     ]
 

@@ -1,6 +1,6 @@
 """First stage: scenes and the features of their views."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -10,6 +10,10 @@ from relm_irl_jax.features.cache import encode_scene
 from relm_irl_jax.features.encoder import N_CALIBRATION_VIEWS, Encoder, make_encoder
 from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.scenes.selection import ROOMS, SceneSettings, training_scenes, unseen_scenes
+from relm_irl_jax.stages.make_agent import needs_features
+
+NO_ENCODER = "none"
+"""Name of the encoder in results of agents that look at pixels."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,7 +22,7 @@ class EncodedScenes:
 
     Attributes:
         scenes: the scenes, without their views.
-        encoder: the encoder; None if the scene files contain features.
+        encoder: the encoder; None if the scene files contain features, or nothing needs features.
         encoder_name: name of the encoder in results.
     """
 
@@ -34,8 +38,11 @@ def encode_training(config: Config) -> EncodedScenes:
         config: the configuration.
 
     Returns:
-        The training scenes with features.
+        The training scenes with features; without columns if neither the agents nor the rewards need features.
     """
+    if not needs_features(config):
+        scenes = training_scenes(config.scenes, config.scene, views=False)
+        return EncodedScenes([_without_features(scene) for scene in scenes], None, NO_ENCODER)
     scenes = training_scenes(config.scenes, config.scene)
     if config.scenes != ROOMS and all(scene.features is not None for scene in scenes):
         return EncodedScenes([scene.without_views() for scene in scenes], None, scenes[0].encoder)
@@ -61,7 +68,14 @@ def encode_unseen(config: Config, training: EncodedScenes) -> list[Scene]:
 
 @lru_cache(maxsize=1)
 def _encode_unseen(source: str, settings: SceneSettings, training: EncodedScenes) -> list[Scene]:
+    if training.encoder_name == NO_ENCODER:
+        return [_without_features(scene) for scene in unseen_scenes(source, settings, views=False)]
     scenes = unseen_scenes(source, settings)
     if training.encoder is None:
         return [scene.without_views() for scene in scenes]
     return [encode_scene(scene, training.encoder).without_views() for scene in scenes]
+
+
+def _without_features(scene: Scene) -> Scene:
+    """The scene without views, its features without columns."""
+    return replace(scene.without_views(), features=np.zeros((scene.n_states, 0), np.float32))

@@ -19,9 +19,6 @@ from relm_irl_jax.saved_maps import StateMap, poses_of, save_map
 from relm_irl_jax.scenes.scene import Scene, first_of_each_type
 from relm_irl_jax.tasks import Target, TaskSplit
 
-LEARNED: tuple[Method, ...] = ("irl", "elm-irl", "relm-irl")
-"""Methods whose reward is learned from demonstrations."""
-
 PREDICTED: tuple[Method, ...] = ("elm-irl", "relm-irl")
 """Methods whose reward a regressor predicts."""
 
