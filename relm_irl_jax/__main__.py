@@ -6,7 +6,7 @@ from relm_irl_jax.interruption import exit_interrupted, interruptible
 def main() -> None:
     """Run the command; an interruption ends it in a sentence at any time, also while its modules are imported."""
     try:
-        with interruptible():
+        with interruptible(until_exit=True):
             from relm_irl_jax.cli import main as command
 
             command()

@@ -5,6 +5,7 @@ only raise it between two steps of the interpreter, and compiling a program may 
 wakes up therefore ends the process when it has not ended by itself in time.
 """
 
+import multiprocessing.util
 import os
 import shlex
 import signal
@@ -52,11 +53,12 @@ class Resume:
 
 
 @contextmanager
-def interruptible(grace: float = GRACE_SECONDS) -> Iterator[None]:
+def interruptible(grace: float = GRACE_SECONDS, *, until_exit: bool = False) -> Iterator[None]:
     """Turn signals into `Interrupted` while a block runs, and end the process some seconds after a signal.
 
     Args:
         grace: seconds.
+        until_exit: whether the process ends after the block; it then ignores signals while it ends.
 
     Yields:
         Nothing.
@@ -69,7 +71,8 @@ def interruptible(grace: float = GRACE_SECONDS) -> Iterator[None]:
     previous = {number: signal.signal(number, _interrupt) for number in handled}
     reading, writing = os.pipe()
     os.set_blocking(writing, False)
-    before = signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
+    before, hook = signal.set_wakeup_fd(writing, warn_on_full_buffer=False), sys.unraisablehook
+    sys.unraisablehook = lambda error: _raise_again(error) or hook(error)
     threading.Thread(target=_end_in_time, args=(reading, grace), daemon=True).start()
     try:
         yield
@@ -80,7 +83,8 @@ def interruptible(grace: float = GRACE_SECONDS) -> Iterator[None]:
         writing = None
     finally:
         signal.set_wakeup_fd(before)
-        if writing is None:
+        if writing is None and not until_exit:
+            sys.unraisablehook = hook
             for number, handler in previous.items():
                 signal.signal(number, handler)
         else:
@@ -124,6 +128,17 @@ def _interrupt(number: int, _: object) -> None:
         raise Interrupted(number)
 
 
+def _raise_again(error: "sys.UnraisableHookArgs") -> bool:
+    """Send a signal again that came within a finaliser, where Python drops exceptions; whether it was one."""
+    interruption = error.exc_value
+    if not isinstance(interruption, Interrupted):
+        return False
+    for number in _SIGNALS:
+        signal.signal(number, _interrupt)
+    threading.Timer(0.02, os.kill, (os.getpid(), interruption.number)).start()
+    return True
+
+
 def _end_in_time(reading: int, grace: float) -> None:
     """Wait for a signal, and end the process after the grace period."""
     with suppress(OSError):
@@ -148,6 +163,9 @@ def end_workers() -> None:
     loky = sys.modules.get("joblib.externals.loky.reusable_executor")
     if loky is not None and loky._executor is not None:
         loky._executor.terminate(kill_workers=True)
+    # What the end of the interpreter would do: otherwise the resource tracker warns of semaphores that are left.
+    with suppress(Exception):
+        multiprocessing.util._run_finalizers(0)  # pyrefly: ignore
 
 
 def kill_children() -> None:

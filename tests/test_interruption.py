@@ -25,6 +25,13 @@ try:
         print(child.pid, flush=True)
         if sys.argv[1] == "python":
             time.sleep(60)
+        elif sys.argv[1] == "finaliser":
+            class Slow:
+                def __del__(self):
+                    time.sleep(60)
+            slow = Slow()
+            del slow
+            time.sleep(60)
         elif sys.argv[1] == "deferred":
             with deferred():
                 end = time.monotonic() + 0.2
@@ -47,7 +54,7 @@ def alive(number):
     return True
 
 
-@pytest.mark.parametrize("where", ["python", "deferred", "library"])
+@pytest.mark.parametrize("where", ["python", "deferred", "finaliser", "library"])
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupted_process_ends_in_time_and_says_how_to_continue(tmp_path, where, number):
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "cwd": tmp_path}
