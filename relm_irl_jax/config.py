@@ -17,21 +17,17 @@ from relm_irl_jax.cluster import ClusterSettings
 from relm_irl_jax.errors import InputError, first_fault
 from relm_irl_jax.features.settings import EncoderSettings
 from relm_irl_jax.frames import Frames
-from relm_irl_jax.results import Task
+from relm_irl_jax.results import Method, Task
 from relm_irl_jax.rewards.settings import ElmSettings, GoalSettings, IrlSettings, ManualSettings
 from relm_irl_jax.scenes.selection import ROOMS, SceneSettings
 from relm_irl_jax.tasks import EvaluationSettings, TaskSettings
 
 AgentName = Literal["siamese", "metric", "map"]
-Method = Literal["random", "bc", "rl", "irl", "elm-irl", "relm-irl"]
 METHODS: tuple[Method, ...] = ("random", "bc", "rl", "irl", "elm-irl", "relm-irl")
 """Every method, in the order of the tables."""
 
 PAPER_METHODS: tuple[Method, ...] = ("random", "rl", "irl", "elm-irl", "relm-irl")
 """What `all` means: the methods of the paper."""
-
-LEARNED: tuple[Method, ...] = ("irl", "elm-irl", "relm-irl")
-"""Methods whose reward is learned from demonstrations."""
 
 MAP_METHODS: tuple[Method, ...] = ("random", "rl")
 """What `all` means for the mapping agent, which plans with equal costs of all steps and learns no reward."""

@@ -106,7 +106,7 @@ def evaluate(
     lanes = lanes_within_memory(policy, world.n_scenes, episodes)
     reset_key, step_key = jax.random.split(key)
     drawn = jax.jit(env.reset_all)(reset_key, targets, target_range)
-    progress = jax.jit(_start, static_argnames="lanes")(policy, drawn, lanes=lanes)
+    progress = _start(policy, drawn, lanes=lanes)
     ended = 0
     while ended < drawn.target.size:
         progress = _continue(step_key, progress, drawn, policy, world, targets, cap=jnp.int32(cap))
@@ -161,6 +161,7 @@ class _Progress:
     time: Int32[Array, ""]
 
 
+@partial(jax.jit, static_argnames="lanes")
 def _start(policy: Policy, drawn: Episode, *, lanes: int) -> _Progress:
     """The first episodes of each scene, before their first action."""
     shape = (drawn.target.shape[0], lanes)

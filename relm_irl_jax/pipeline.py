@@ -6,9 +6,10 @@ Trainings whose results are in the run folder are not repeated.
 from collections.abc import Callable, Sequence
 
 from relm_irl_jax.cluster import join
-from relm_irl_jax.config import LEARNED, METHODS, Config, Method, Task
+from relm_irl_jax.config import METHODS, Config, Method, Task
 from relm_irl_jax.hardware import Stopwatch
 from relm_irl_jax.report.run_report import write_report
+from relm_irl_jax.results import LEARNED
 from relm_irl_jax.rewards.learned import LearnedRewards
 from relm_irl_jax.run_config import locked, opened_run
 from relm_irl_jax.run_folder import RunFolder

@@ -22,18 +22,12 @@ from relm_irl_jax.report.learning_curves import TrainingCurve, band_columns, lea
 from relm_irl_jax.report.maps import distance_caption, distance_figure, map_columns, reward_caption, reward_figure
 from relm_irl_jax.report.names import heading
 from relm_irl_jax.report.tables import columns_of, interval_of, methods_of, seeds_of
-from relm_irl_jax.results import Results, RewardQualityRow, Task, load_reward_quality
+from relm_irl_jax.results import LEARNED, PREDICTED, Results, RewardQualityRow, Task, load_reward_quality
 from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.saved_maps import StateMap, load_episodes, load_map
 
 CURVELESS = ("random", "bc")
-"""Methods whose training has no episodes, as that of the mapping agent."""
-
-LEARNED = ("irl", "elm-irl", "relm-irl")
-"""Methods whose reward is learned from demonstrations."""
-
-PREDICTED = ("elm-irl", "relm-irl")
-"""Methods that the paper's Figure 11 compares."""
+"""Methods whose training has no episodes; neither has that of the mapping agent."""
 
 Content = TypeVar("Content")
 
@@ -199,7 +193,7 @@ def prediction_figure(data: RunData) -> list[DrawnFigure]:
     if not set(PREDICTED) <= {row.method for row in rows}:
         return []
     columns = columns_of(rows)
-    bars = {method: [interval_of(rows, method, "spl", column) for column in columns] for method in PREDICTED}
+    bars = {str(method): [interval_of(rows, method, "spl", column) for column in columns] for method in PREDICTED}
     table = [
         (method, column, value.mean, value.half_width)
         for method, values in bars.items()

@@ -68,7 +68,7 @@ def encode_unseen(config: Config, training: EncodedScenes) -> list[Scene]:
 
 @lru_cache(maxsize=1)
 def _encode_unseen(source: str, settings: SceneSettings, training: EncodedScenes) -> list[Scene]:
-    if training.encoder_name == NO_ENCODER:
+    if training.scenes[0].encoded.shape[1] == 0:
         return [_without_features(scene) for scene in unseen_scenes(source, settings, views=False)]
     scenes = unseen_scenes(source, settings)
     if training.encoder is None:

@@ -11,8 +11,9 @@ from relm_irl_jax.agents.map.weights import SHIPPED, load_weights
 from relm_irl_jax.agents.metric.agent import MetricAgent
 from relm_irl_jax.agents.siamese.agent import SiameseAgent
 from relm_irl_jax.agents.siamese.behaviour_cloning import BehaviourCloningAgent
-from relm_irl_jax.config import LEARNED, MAP_METHODS, Config, Method, Task
+from relm_irl_jax.config import MAP_METHODS, Config, Method, Task
 from relm_irl_jax.errors import InputError
+from relm_irl_jax.results import LEARNED
 from relm_irl_jax.scenes.selection import ROOMS
 from relm_irl_jax.scenes.views import scene_views
 from relm_irl_jax.types import Agent

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int32, UInt8
 
 from relm_irl_jax.agents.map.geometry import GRID, RADIUS, SIDE
-from relm_irl_jax.agents.map.memory import grid_rows, turned
+from relm_irl_jax.agents.map.memory import add_view
 from relm_irl_jax.agents.map.rooms import count_poses
 from relm_irl_jax.world import World
 
@@ -74,10 +74,5 @@ def _draw(
     record: Float[Array, "views cells record"], pose: Int32[Array, "views 3"]
 ) -> Float[Array, "grid grid record"]:
     """Sum views on a grid, one after the other."""
-
-    def add(grid, view):
-        values, where = view
-        return grid.at[grid_rows(where)].add(turned(values, where[0])), None
-
-    grid, _ = jax.lax.scan(add, jnp.zeros((GRID * GRID, record.shape[-1]), record.dtype), (record, pose))
-    return grid.reshape(GRID, GRID, -1)
+    empty = jnp.zeros((GRID, GRID, record.shape[-1]), record.dtype)
+    return jax.lax.scan(lambda grid, view: (add_view(grid, *view), None), empty, (record, pose))[0]

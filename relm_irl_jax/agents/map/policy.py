@@ -19,12 +19,11 @@ from relm_irl_jax.agents.map.filled import FilledMaps
 from relm_irl_jax.agents.map.geometry import GRID, RADIUS
 from relm_irl_jax.agents.map.memory import (
     Odometry,
+    add_view,
     free_logits,
-    grid_rows,
     move,
     start_odometry,
     summarise,
-    turned,
 )
 from relm_irl_jax.agents.map.network import RECORD, Projections
 from relm_irl_jax.agents.map.planner import Plan, place_costs, plan
@@ -189,13 +188,10 @@ def remember(policy: MapPolicy, memory: Memory, observation: Observation) -> Mem
         if filled is not None:
             odometry = replace(odometry, pose=jnp.where(steps == 0, filled.pose[view], odometry.pose))
         heading, z, x = odometry.pose[0], odometry.pose[1] + RADIUS, odometry.pose[2] + RADIUS
-        if filled is not None:
-            return grid, replace(odometry, seen=odometry.seen.at[heading, z, x].set(True))
-        new = ~odometry.seen[heading, z, x]
-        values = turned(policy.record[view], heading) * new.astype(grid.dtype)
-        flat = grid.reshape(-1, RECORD).at[grid_rows(odometry.pose)].add(values)
-        seen = odometry.seen.at[heading, z, x].set(True)
-        return flat.reshape(grid.shape), Odometry(odometry.pose, seen, odometry.blocked)
+        if filled is None:
+            new = ~odometry.seen[heading, z, x]
+            grid = add_view(grid, policy.record[view] * new.astype(grid.dtype), odometry.pose)
+        return grid, replace(odometry, seen=odometry.seen.at[heading, z, x].set(True))
 
     for _ in observation.view.shape:
         one = jax.vmap(one)

@@ -48,10 +48,7 @@ def to_room(scene: Scene) -> Room:
         InputError: the scene has no views, or is too large.
     """
     cells = np.rint((scene.location - scene.location.min(0)) / GRID_STEP).astype(np.int32)
-    if cells.max() > RADIUS:
-        raise InputError(
-            f"{scene.name}: {cells.max() + 1} places along one side, the mapping agent's map holds {RADIUS + 1}."
-        )
+    _check_extent(scene.name, cells)
     heading = np.rint(scene.rotation / 90).astype(np.int32) % 4
     return Room(
         views=scene.views,
@@ -95,10 +92,15 @@ def count_poses(
                 queue.append(following)
     kept = np.array(sorted(pose))
     poses = np.array([pose[state] for state in kept.tolist()], np.int32)
-    extent = np.ptp(poses[:, 1:], axis=0).max()
+    _check_extent(name, poses[:, 1:])
+    return kept, poses
+
+
+def _check_extent(name: str, cells: Int[np.ndarray, "states 2"]) -> None:
+    """Refuse a scene that does not fit into the square of poses from every start."""
+    extent = np.ptp(cells, axis=0).max()
     if extent > RADIUS:
         raise InputError(f"{name}: {extent + 1} places along one side; the mapping agent's map holds {RADIUS + 1}.")
-    return kept, poses
 
 
 def room_from_graph(

@@ -15,7 +15,8 @@ from relm_irl_jax.files import load_arrays_and_metadata, save_arrays
 from relm_irl_jax.types import Parameters
 
 SHIPPED = Path(__file__).with_name("weights.safetensors")
-"""Weights that come with the package; `make weights` trains them."""
+"""Weights that come with the package: trained in two stages, as their provenance says, and to be replaced by one run of
+`make weights`."""
 
 
 def save_weights(path: Path, parameters: Parameters, provenance: Mapping[str, str]) -> None:

@@ -126,8 +126,8 @@ def goals_of(*rows):
     return Goals(state, count, jnp.zeros_like(count), jnp.zeros((len(rows), width, 1)))
 
 
-def problem(world, targets, goals, frames=1):
-    return TrainingProblem(world, targets, STEP_COST, cap=20, frames=frames, goals=goals)
+def problem(world, targets, goals):
+    return TrainingProblem(world, targets, STEP_COST, cap=20, frames=1, goals=goals)
 
 
 def test_rooms_are_read_off_a_problem(room):
@@ -166,6 +166,15 @@ def test_given_weights_are_not_trained(parameters, room):
     assert given is parameters
     assert len(curve.frames) == 0
     assert agent.requires == set()
+
+
+@pytest.mark.slow
+def test_training_through_the_agent(room):
+    successor, images = room
+    agent = MapAgent(lambda _: images, MapSettings(views=8, targets=4), network=NETWORK)
+    given = problem(world_of(successor), targets_of(3), goals_of([3, 8]))
+    _, curve = agent.train(jax.random.key(0), given, TrainingLog())
+    assert np.isfinite(curve.location_loss).all()
 
 
 def test_filled_memory_is_the_map_of_all_views(parameters, room):

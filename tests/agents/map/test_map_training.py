@@ -1,10 +1,10 @@
 from dataclasses import replace
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from builders import grid_scene
+from interruption import assert_same, interrupt, resume
 
 from relm_irl_jax.agents.map.agent import draw_chunk, train_on_rooms
 from relm_irl_jax.agents.map.geometry import RADIUS
@@ -132,35 +132,20 @@ def test_walks_of_a_chunk_depend_on_its_number_alone(scene):
     assert not np.array_equal(one[1].target_pose, other[1].target_pose)
 
 
-class Interrupted(TrainingLog):
-    """Keeps the state after two chunks and then stops, or continues from it."""
-
-    def __init__(self):
-        self.kept = None
-
-    def resume(self, state):
-        return state if self.kept is None else self.kept[0], [] if self.kept is None else self.kept[1]
-
-    def add(self, state, rows):
-        if self.kept is None and len(rows) == 2:
-            self.kept = jax.tree.map(jnp.copy, state), list(rows)
-            raise KeyboardInterrupt
-
-
 @pytest.mark.slow
-def test_a_short_training_lowers_its_loss_and_continues_after_an_interruption(scene):
+def test_a_short_training_lowers_its_loss_and_continues_after_an_interruption(scene, tmp_path):
     network, rooms = MapNetwork(width=16, channels=8), GivenRooms([to_room(scene)])
     settings = MapSettings(views=8, targets=4, learning_rate=5e-3)
-    arguments = jax.random.key(0), rooms, 4 * 8 * 8, settings
-    parameters, curve = train_on_rooms(*arguments, TrainingLog(), network)
+
+    def train(log):
+        return train_on_rooms(jax.random.key(0), rooms, 4 * 64, settings, log, network)
+
+    whole = train(TrainingLog())
+    curve = whole[1]
     assert curve.frames.tolist() == [64, 128, 192, 256]
     assert curve.location_loss[-1] < curve.location_loss[0] - 0.3
-    log = Interrupted()
-    with pytest.raises(KeyboardInterrupt):
-        train_on_rooms(*arguments, log, network)
-    again, continued = train_on_rooms(*arguments, log, network)
-    np.testing.assert_array_equal(continued.location_loss, curve.location_loss)
-    jax.tree.map(np.testing.assert_array_equal, again, parameters)
+    interrupt(tmp_path, train)
+    assert_same(resume(tmp_path, train)[0], whole)
 
 
 def untrained(network):
@@ -195,3 +180,5 @@ def test_the_weights_that_come_with_the_package_load():
     parameters, provenance = load_weights()
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(parameters))
     assert "from number 1000" in provenance["rooms"]
+    assert "two stages" in provenance["status"]
+    assert "experiments/map_weights.py" in provenance["status"]
