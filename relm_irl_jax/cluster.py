@@ -5,8 +5,6 @@ steps a part of the workers and gradients are averaged over all devices. All pro
 share the run folder or not.
 """
 
-import jax
-from jax.experimental import multihost_utils
 from pydantic.dataclasses import dataclass
 
 from relm_irl_jax.bounds import NonNegativeInt, PositiveInt
@@ -42,6 +40,9 @@ def join(settings: ClusterSettings) -> None:
         raise InputError(
             f"cluster.process: {settings.process} is out of range; give a number from 0 to {settings.processes - 1}."
         )
+    import jax  # here, so that the settings load quickly
+    from jax.experimental import multihost_utils
+
     try:
         jax.distributed.initialize(settings.coordinator, settings.processes, settings.process)
     except (RuntimeError, ValueError) as error:

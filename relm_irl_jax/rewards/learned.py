@@ -10,7 +10,7 @@ from jaxtyping import Float32, Float64, Int32
 from relm_irl_jax.elm import ELMRegressor
 from relm_irl_jax.rewards.basis import RewardBasis, fit_basis
 from relm_irl_jax.rewards.demonstrated import DemonstratedReward, learn_demonstrated_rewards
-from relm_irl_jax.rewards.equation import LinearRewardForm
+from relm_irl_jax.rewards.equation import LinearRewardForm, form_of
 from relm_irl_jax.rewards.functions import LinearReward
 from relm_irl_jax.rewards.predicted import RewardPredictor, fit_regressor, pair_data
 from relm_irl_jax.rewards.settings import ElmSettings, IrlSettings
@@ -78,7 +78,7 @@ def learn_demonstrated(scenes: Sequence[Scene], split: TaskSplit, settings: IrlS
     basis = fit_basis(scenes, settings.dimension)
     phi = tuple(basis.phi(scene) for scene in scenes)
     demonstrated = learn_demonstrated_rewards(scenes, split, phi, settings, seed)
-    return LearnedRewards(basis, phi, demonstrated, {}, settings.form())
+    return LearnedRewards(basis, phi, demonstrated, {}, form_of(settings))
 
 
 def fit_regressors(

@@ -13,7 +13,6 @@ from relm_irl_jax.bounds import (
     UnitInterval,
 )
 from relm_irl_jax.irl import IrlMethodSettings, MaxMarginSettings
-from relm_irl_jax.rewards.equation import LinearRewardForm
 
 
 @dataclass(frozen=True)
@@ -53,11 +52,6 @@ class IrlSettings(IrlMethodSettings):
     reliably, smaller ones are dominated by the entropy bonus (IRL on Task I: SPL 0.92 with 6, 0.90 with 10)."""
     processes: NonNegativeInt = 0
     """Processes that solve problems in parallel; 0 for one on each core, or for joblib's configuration."""
-
-    def form(self) -> LinearRewardForm:
-        """Bounds of the learned reward."""
-        r_max = self.max_margin.r_max
-        return LinearRewardForm(r_max, self.minimum_cost * r_max, self.max_margin.form == "cost")
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from relm_irl_jax.errors import InputError
 from relm_irl_jax.files import load_arrays, save_arrays, write_table
 from relm_irl_jax.results import PREDICTED, RewardQualityRow, save_reward_quality
 from relm_irl_jax.rewards.basis import RewardBasis
-from relm_irl_jax.rewards.equation import linear_reward
+from relm_irl_jax.rewards.equation import form_of, linear_reward
 from relm_irl_jax.rewards.learned import LearnedRewards, learn_rewards
 from relm_irl_jax.rewards.predicted import RewardPredictor
 from relm_irl_jax.rewards.quality import RewardQuality, predicted_reward_quality, reward_quality
@@ -113,7 +113,7 @@ def load_predictor(
         raise InputError(f"{path}: `mean` or `components` is missing; remove the folder {path.parent} and train again.")
     basis = RewardBasis(arrays["mean"], arrays["components"])
     regressor = load_elm(folder.rewards(seed, f"{method}.safetensors"))
-    return RewardPredictor(scenes, [basis.phi(scene) for scene in scenes], regressor, config.irl.form())
+    return RewardPredictor(scenes, [basis.phi(scene) for scene in scenes], regressor, form_of(config.irl))
 
 
 def _quality(scenes: Sequence[Scene], split: TaskSplit, learned: LearnedRewards, seed: int) -> list[RewardQualityRow]:
