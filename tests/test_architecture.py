@@ -18,7 +18,7 @@ LAYERS = (
     ("experts", "demonstrations"),
     ("irl",),
     ("elm",),
-    ("tasks", "world", "env"),
+    ("tasks", "transitions", "tables", "world", "env"),
     ("rewards",),
     ("types",),
     ("agents",),
