@@ -102,10 +102,8 @@ def evaluate(
     Returns:
         The finished episodes.
     """
-    target_range = scene_target_ranges(targets, world.n_scenes, episodes)
     lanes = lanes_within_memory(policy, world.n_scenes, episodes)
-    reset_key, step_key = jax.random.split(key)
-    drawn = jax.jit(env.reset_all)(reset_key, targets, target_range)
+    drawn, step_key = draw_episodes(key, targets, world.n_scenes, episodes)
     progress = _start(policy, drawn, lanes=lanes)
     ended = 0
     while ended < drawn.target.size:
@@ -117,6 +115,31 @@ def evaluate(
     shortest = env.shortest_path(drawn, world, targets)
     finished = Episodes(drawn.target, drawn.start, progress.length, shortest, progress.success)
     return jax.tree.map(np.asarray, finished)
+
+
+def draw_episodes(key: PRNGKeyArray, targets: Targets, n_scenes: int, episodes: int) -> tuple[Episode, PRNGKeyArray]:
+    """Draw starts and targets of evaluation episodes; they are the same for every policy.
+
+    Args:
+        key: source of all randomness.
+        targets: the targets; every scene has at least one.
+        n_scenes: number of scenes.
+        episodes: number of episodes in each scene.
+
+    Returns:
+        The episodes before their first action, with fields [scenes, episodes], and a key for the actions.
+    """
+    reset_key, step_key = jax.random.split(key)
+    return jax.jit(env.reset_all)(reset_key, targets, scene_target_ranges(targets, n_scenes, episodes)), step_key
+
+
+def evaluation_key(seed: int) -> PRNGKeyArray:
+    """The key of a seed's evaluation, of which all policies' episodes are drawn.
+
+    Args:
+        seed: the run's seed.
+    """
+    return jax.random.fold_in(jax.random.key(seed), 1)
 
 
 def lanes_within_memory(policy: Policy, n_scenes: int, episodes: int) -> int:

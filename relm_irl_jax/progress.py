@@ -54,4 +54,10 @@ def progress_bar(description: str | None, total: int, unit: str) -> Iterator[Cal
     )
     with Progress(*columns, console=console, disable=description is None) as progress:
         task = progress.add_task(description or "", total=total, unit=unit)
-        yield lambda done: progress.advance(task, done)
+
+        def advance(done: int) -> None:
+            # Agents round frames up to whole updates; a bar ends at 100% all the same.
+            completed = progress.tasks[0].completed + done
+            progress.update(task, completed=min(completed, total))
+
+        yield advance

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Literal, get_args
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import Field, NonNegativeInt, PositiveInt, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
@@ -82,9 +82,40 @@ def save_results(folder: RunFolder, results: Results) -> None:
         folder: the run folder.
         results: the metrics.
     """
-    values = _RESULTS.dump_python(results, mode="json")
+    values = results_to_dict(results)
     write_json(folder.results(results.task), values)
     write_json(folder.results(), values)
+
+
+def results_to_dict(results: Results) -> dict[str, Any]:
+    """The metrics as plain values, ready for JSON.
+
+    Args:
+        results: the metrics.
+    """
+    return _RESULTS.dump_python(results, mode="json")
+
+
+def read_results(path: Path) -> Results:
+    """Read a file in the form of `results.json`, written by any program.
+
+    Args:
+        path: the file.
+
+    Returns:
+        The metrics.
+
+    Raises:
+        InputError: the file cannot be read, or a field is missing or refused.
+    """
+    try:
+        return _RESULTS.validate_json(path.read_bytes())
+    except ValidationError as error:
+        raise InputError(f"{path}: {first_fault(error)} Correct the file; its form is that of results.json.") from error
+    except OSError as error:
+        raise InputError(
+            f"{path}: cannot be read ({error.strerror}); give a file in the form of results.json."
+        ) from error
 
 
 def load_results(folder: RunFolder, task: Task | None = None) -> Results:

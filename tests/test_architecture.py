@@ -22,12 +22,12 @@ LAYERS = (
     ("rewards",),
     ("types",),
     ("agents",),
-    ("evaluation",),
+    ("evaluation", "batch_policies"),
     ("run_folder", "results", "saved_maps", "parameters", "cluster", "config", "run_config", "checkpoints"),
     ("stages",),
     ("report",),
     ("pipeline",),
-    ("gym", "registration", "play", "studies", "benchmarks"),
+    ("api", "gym", "registration", "play", "studies", "benchmarks"),
     ("cli", "__init__", "__main__"),
 )
 """A module imports from its own line or from lines above it."""

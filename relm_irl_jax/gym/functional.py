@@ -19,7 +19,8 @@ from jaxtyping import Array, Bool, Float32, Int32, PRNGKeyArray
 from relm_irl_jax import env
 from relm_irl_jax.env import Episode, TargetRange
 from relm_irl_jax.gym.problem import MANUAL, NavigationProblem
-from relm_irl_jax.transitions import FeatureReward, TransitionFeatures
+from relm_irl_jax.rewards.functions import OwnReward, manual_reward
+from relm_irl_jax.transitions import FeatureReward
 from relm_irl_jax.world import Targets, World, build_targets, build_world
 
 Observation = dict[str, Array]
@@ -103,19 +104,8 @@ class FunctionalEnv:
 
     def _reward(self, transition: env.Transition, params: EnvParams) -> Float32[Array, ""]:
         if self.reward is None:
-            elsewhere = jnp.where(transition.collided, MANUAL.collision, MANUAL.step)
-            return jnp.where(transition.terminated, MANUAL.target, elsewhere).astype(jnp.float32)
-        features = params.world.features
-        seen = TransitionFeatures(
-            view=features[transition.state],
-            next_view=features[transition.next_state],
-            target=features[params.targets.state[transition.target]],
-            action=transition.action,
-            collided=transition.collided,
-            arrived=transition.terminated,
-        )
-        with jax.numpy_dtype_promotion("standard"):  # 10 * seen.arrived, wherever JAX is told to be strict
-            return jnp.asarray(self.reward(seen), jnp.float32)
+            return manual_reward(MANUAL)(transition, params.world, params.targets)
+        return OwnReward(params.world.features, self.reward)(transition, params.world, params.targets)
 
     @staticmethod
     def _observe(episode: Episode, params: EnvParams) -> Observation:

@@ -43,7 +43,19 @@ def encode_training(config: Config) -> EncodedScenes:
     if not needs_features(config):
         scenes = training_scenes(config.scenes, config.scene, views=False)
         return EncodedScenes([_without_features(scene) for scene in scenes], None, NO_ENCODER)
-    scenes = training_scenes(config.scenes, config.scene)
+    return encode_scenes(config, training_scenes(config.scenes, config.scene))
+
+
+def encode_scenes(config: Config, scenes: list[Scene]) -> EncodedScenes:
+    """Prepare scenes to train in.
+
+    Args:
+        config: the configuration, which says how built-in rooms are encoded.
+        scenes: the scenes with views.
+
+    Returns:
+        The scenes with features.
+    """
     if config.scenes != ROOMS and all(scene.features is not None for scene in scenes):
         return EncodedScenes([scene.without_views() for scene in scenes], None, scenes[0].encoder)
     # The statistics of random weights are measured on training views only, so that unseen scenes stay unseen.
@@ -70,7 +82,19 @@ def encode_unseen(config: Config, training: EncodedScenes) -> list[Scene]:
 def _encode_unseen(source: str, settings: SceneSettings, training: EncodedScenes) -> list[Scene]:
     if training.scenes[0].encoded.shape[1] == 0:
         return [_without_features(scene) for scene in unseen_scenes(source, settings, views=False)]
-    scenes = unseen_scenes(source, settings)
+    return encode_more(training, unseen_scenes(source, settings))
+
+
+def encode_more(training: EncodedScenes, scenes: list[Scene]) -> list[Scene]:
+    """Prepare other scenes with the encoder of the training scenes.
+
+    Args:
+        training: the training scenes.
+        scenes: the other scenes with views.
+
+    Returns:
+        The other scenes with features.
+    """
     if training.encoder is None:
         return [scene.without_views() for scene in scenes]
     return [encode_scene(scene, training.encoder).without_views() for scene in scenes]
