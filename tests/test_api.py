@@ -1,5 +1,6 @@
 """The Python interface: own rewards, agents and policies, on the targets and episodes of the tables."""
 
+import itertools
 from dataclasses import dataclass, field, replace
 
 import jax
@@ -62,7 +63,7 @@ def test_an_own_agent_is_paid_the_own_reward_for_training_targets_alone():
     for seed, problem in enumerate(agent.problems):
         split = draw_split(rooms, [], CONFIG.tasks, seed)
         assert problem.targets.state.tolist() == [t.state + 16 * t.scene for t in split.training]
-        target, paid = int(problem.targets.state[0]), jax.jit(problem.reward)
+        target, paid = int(problem.targets.state[0]), jax.jit(lambda *parts, reward=problem.reward: reward(*parts))
         for state, action, after in ((0, 2, 0), (5, 1, target), (3, 0, 9)):
             moved = Transition(
                 *(jnp.int32(n) for n in (state, action, after, 0, state)),
@@ -158,7 +159,7 @@ def test_the_last_views_come_first():
 
     evaluate_batch_policy(jax.random.key(0), turn, world, targets, [rooms[0].features], Protocol(3, 5, 2))
     assert (seen[0][:, 0] == seen[0][:, 1]).all()
-    for before, after in zip(seen, seen[1:], strict=False):
+    for before, after in itertools.pairwise(seen):
         assert (after[:, 1] == before[:, 0]).all()
 
 
