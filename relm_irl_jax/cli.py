@@ -13,18 +13,19 @@ from pydantic.dataclasses import dataclass
 from rich.console import Console
 
 from relm_irl_jax import __version__
+from relm_irl_jax.batch_policies import Observed
 from relm_irl_jax.bounds import ImageSize, NonNegativeInt, PositiveInt, Seed
 from relm_irl_jax.config import Config, Method, Task, load_config
 from relm_irl_jax.errors import DivergenceError, InputError, first_fault, system_fault
 from relm_irl_jax.files import ensure_writable
 from relm_irl_jax.interruption import Resume
-from relm_irl_jax.pipeline import evaluate_run, run
+from relm_irl_jax.pipeline import enter_policy, enter_results, evaluate_run, run
 from relm_irl_jax.play.animation import play as play_run
 from relm_irl_jax.play.keyboard import draw_episode, play_in_terminal, scene_and_targets, scene_and_targets_of_run
 from relm_irl_jax.report.run_report import write_report
 from relm_irl_jax.report.run_settings import load_run_settings
 from relm_irl_jax.report.tables import console_table
-from relm_irl_jax.results import Results, load_results
+from relm_irl_jax.results import Results, load_results, read_results
 from relm_irl_jax.run_config import find_run, locked, run_path
 from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.scenes.check import check_files, check_table
@@ -36,6 +37,7 @@ from relm_irl_jax.scenes.scene import ROOM_TYPES
 from relm_irl_jax.scenes.scene_file import save_scene
 from relm_irl_jax.scenes.selection import scene_files
 from relm_irl_jax.stages.episodes import AgentChoice, EpisodePath
+from relm_irl_jax.stages.own_policies import OwnPolicy, results_file
 
 
 @dataclass(frozen=True)
@@ -46,6 +48,17 @@ class Evaluate:
     """Run folder."""
     task: Task = "II"
     """Task to evaluate."""
+    policy: str | None = None
+    """Your own policy, which gets a row beside the run's: module:function of a batch of observations, or module:class,
+    which is called with the seed."""
+    results: Path | None = None
+    """Your own results, which get rows beside the run's: a file in the form of results.json."""
+    name: str | None = None
+    """Name of your policy or results in the tables; by default the function's name, or the names in the file."""
+    obs: Observed = "features"
+    """What your policy observes of views."""
+    history: PositiveInt = 1
+    """Number of last views that your policy observes, the latest first."""
 
 
 @dataclass(frozen=True)
@@ -202,7 +215,7 @@ def _dispatch(arguments: list[str]) -> None:
     def evaluate(command: Annotated[Evaluate, tyro.conf.arg(name="")]) -> None:
         """Evaluate the agents of a run on a task."""
         folder, config = find_run(command.run)
-        evaluate_run(config, folder, command.task)
+        _evaluate(command, folder, config)
         _show(load_results(folder), folder.path)
 
     @app.command
@@ -246,6 +259,18 @@ def _dispatch(arguments: list[str]) -> None:
         prog="relm-irl",
         description="Target-driven visual navigation with learned rewards. `relm-irl --version` prints the version.",
     )
+
+
+def _evaluate(command: Evaluate, folder: RunFolder, config: Config) -> None:
+    if command.policy is not None and command.results is not None:
+        raise InputError("results: give either a policy or results.")
+    if command.policy is not None:
+        policy = OwnPolicy(command.policy, command.obs, command.history)
+        enter_policy(config, folder, command.task, policy, command.name or command.policy.rpartition(":")[2])
+    elif command.results is not None:
+        enter_results(config, folder, results_file(command.results, read_results(command.results), command.name))
+    else:
+        evaluate_run(config, folder, command.task)
 
 
 def _play_by_keyboard(command: Play, console: Console) -> None:
@@ -326,4 +351,4 @@ def _pop_option(arguments: list[str], option: str, kind: str, remedy: str) -> tu
 def _show(results: Results, folder: Path) -> None:
     console = Console(markup=False, emoji=False)
     console.print(console_table(results))
-    console.print(f"Report: {folder / 'report.md'}", highlight=False, soft_wrap=True)
+    console.print(f"Report: {folder / 'report.html'}", highlight=False, soft_wrap=True)

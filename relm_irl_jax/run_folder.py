@@ -12,6 +12,7 @@
     maps/distance-TASK-ROOM.safetensors   distance of every state of a room to one target
     episodes/TASK.safetensors             one episode in a scene of each room type
     results-TASK.json, results.json       metrics of each task, and of the task evaluated last
+    entries/TASK/NAME.json                rows of other programs, which evaluations add to their own
     tables/                               the report's tables as CSV
     figures/                              the report's figures as PNG, and their data as CSV
     report.html, report.md                the report
@@ -76,6 +77,14 @@ class RunFolder:
     def results(self, task: str | None = None) -> Path:
         """Path of the metrics of a task, or of the task evaluated last."""
         return self.path / ("results.json" if task is None else f"results-{task}.json")
+
+    def entry(self, task: str, name: str) -> Path:
+        """Path of another program's metrics of a task."""
+        return self.path / "entries" / task / f"{name}.json"
+
+    def entries(self, task: str) -> list[Path]:
+        """Paths of other programs' metrics of a task."""
+        return sorted((self.path / "entries" / task).glob("*.json"))
 
     def reward_map(self, targets: str, room_type: str) -> Path:
         """Path of the rewards of a room's states for a `trained` or a `new` target."""

@@ -19,7 +19,7 @@ from relm_irl_jax.report.comparison import (
 from relm_irl_jax.report.figures import DrawnFigure
 from relm_irl_jax.report.html import render_page
 from relm_irl_jax.report.learning_curves import success_columns, success_table
-from relm_irl_jax.report.names import AGENT_NAMES, TASK_NAMES, as_code, as_message, as_text
+from relm_irl_jax.report.names import AGENT_NAMES, TASK_NAMES, as_code, as_message, as_text, listed
 from relm_irl_jax.report.run_figures import (
     RunData,
     episode_figures,
@@ -30,7 +30,7 @@ from relm_irl_jax.report.run_figures import (
 )
 from relm_irl_jax.report.run_settings import RunSettings, load_run_settings
 from relm_irl_jax.report.tables import markdown_table, quality_table, table_columns
-from relm_irl_jax.results import load_all_results
+from relm_irl_jax.results import OWN, load_all_results
 from relm_irl_jax.run_folder import RunFolder
 
 BUILT_IN = "rooms"
@@ -164,6 +164,13 @@ def _tasks(data: RunData, heading: str) -> list[str]:
         table = {"I": 1, "II": 2, "III": 3}[task]
         text += [f"{heading} Task {task}: {TASK_NAMES[task]} (the paper's Table {table})", "", markdown_table(results)]
         text.append("")
+        own = sorted({row.method for row in results.rows if row.agent == OWN})
+        if own:
+            verb = "is" if len(own) == 1 else "are"
+            text += [
+                f"{as_text(listed(own))} {verb} not of this package: evaluated on the same targets and starts.",
+                "",
+            ]
         if number == 0:
             text += [
                 f"Each value is the mean over the scenes of a room type{interval}; the last column is the mean over "

@@ -14,7 +14,7 @@ from relm_irl_jax.errors import InputError
 from relm_irl_jax.evaluation import Episodes, compute_metrics, evaluate, evaluation_key
 from relm_irl_jax.parameters import load_parameters
 from relm_irl_jax.progress import progress_bar
-from relm_irl_jax.results import ResultRow, Results, save_results
+from relm_irl_jax.results import ResultRow, Results, load_entries, save_results
 from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.saved_maps import SHORTEST_PATH, StateMap, poses_of, save_map
 from relm_irl_jax.scenes.scene import first_of_each_type
@@ -137,6 +137,7 @@ def evaluate_task(config: Config, folder: RunFolder, training: EncodedScenes, ta
             )
             rows += result_rows(method, "random" if method == "random" else config.agent, seed_task, episodes)
     _save_distances(folder, tasks[0], {m: p for m, p in shown.items() if isinstance(p, DistancePolicy)})
+    rows += load_entries(folder, task)
     results = Results(task, config.tasks.cap, training.encoder_name, tuple(rows))
     save_results(folder, results)
     return results
