@@ -60,6 +60,17 @@ def test_the_observation_is_the_view_of_the_state_in_its_scene(split):
             np.testing.assert_array_equal(view, next(s for s in training if s.name == name).views[local])
 
 
+def test_scenes_may_be_a_list(split):
+    (training, unseen), _ = split
+    options = {"scenes": training, "unseen": unseen, "obs": "frames", "config": CONFIG}
+    for task, part in (("II", "train"), ("II", "test"), ("III", "test")):
+        listed = TaskEnv(task, 1, part, **options).problem
+        assert listed.targets == TaskEnv(task, 1, part, obs="frames", config=CONFIG).problem.targets
+        assert listed.scenes[0] in (unseen if task == "III" else training)
+    with pytest.raises(InputError, match="unseen: Task III needs scenes"):
+        TaskEnv("III", 1, "test", **options | {"unseen": None})
+
+
 def test_spaces_of_training_and_test_are_equal():
     spaces = [TaskEnv("III", 1, part, obs="frames", config=CONFIG).observation_space for part in ("train", "test")]
     assert spaces[0] == spaces[1]

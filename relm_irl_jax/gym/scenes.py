@@ -1,7 +1,7 @@
 """Scenes, targets and features of environments, from the arguments of `gymnasium.make`."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,12 +11,11 @@ import numpy as np
 from relm_irl_jax.config import Config
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.gym.problem import NavigationProblem, Options
-from relm_irl_jax.results import TASKS
 from relm_irl_jax.scenes.objects import best_views
 from relm_irl_jax.scenes.rooms.cache import built_in_room
 from relm_irl_jax.scenes.scene import ROOM_TYPES, Scene
 from relm_irl_jax.scenes.scene_file import load_scene
-from relm_irl_jax.scenes.selection import check_scenes_setting, training_scenes, unseen_scenes
+from relm_irl_jax.scenes.selection import SceneSettings, check_scenes_setting, training_scenes, unseen_scenes
 from relm_irl_jax.tasks import Target, draw_split
 
 if TYPE_CHECKING:
@@ -130,13 +129,48 @@ def encoded(scene: Scene) -> Scene:
     return encode_scene(scene, make_encoder(EncoderSettings(), calibration_views))
 
 
+@dataclass(frozen=True, eq=False)
+class TaskScenes:
+    """The scenes of a task.
+
+    Attributes:
+        config: scenes, task, numbers of targets, encoder.
+        training: the training scenes with views, instead of the configuration's.
+        unseen: the scenes of Task III with views, instead of the configuration's.
+    """
+
+    config: Config
+    training: Sequence[Scene] | None = None
+    unseen: Sequence[Scene] | None = None
+
+    def observed(self, *, unseen: bool, obs: str) -> list[Scene]:
+        """Training or unseen scenes, with what is observed."""
+        if obs == "frames":
+            return self.pictured(unseen=unseen)
+        if self.training is None:
+            config = replace(self.config, task="I")
+            return _encoded_unseen(config) if unseen else _encoded_training(config).scenes
+        from relm_irl_jax.stages.encoding import encode_more, encode_scenes  # loads JAX
+
+        training = encode_scenes(self.config, list(self.training))
+        return encode_more(training, list(self.unseen or ())) if unseen else training.scenes
+
+    def pictured(self, *, unseen: bool) -> list[Scene]:
+        """Training or unseen scenes, with views."""
+        given = self.unseen if unseen else self.training
+        if self.training is not None:
+            return list(given or ())
+        check_scenes_setting(self.config.scenes)
+        return _loaded(self.config.scenes, self.config.scene, unseen)
+
+
 def task_problem(
-    config: Config, seed: int, split: str, options: Options, *, rendered: bool = False
+    scenes: TaskScenes, seed: int, split: str, options: Options, *, rendered: bool = False
 ) -> NavigationProblem:
     """The problem of a task, with the scenes and targets that the tables are made with.
 
     Args:
-        config: scenes, task, numbers of targets, encoder.
+        scenes: the scenes.
         seed: the seed that draws the targets.
         split: `train` for the training scenes and targets, `test` for those on which the task is evaluated.
         options: how it is presented.
@@ -150,23 +184,18 @@ def task_problem(
     """
     if split not in SPLITS:
         raise InputError(f"split = {split!r} is refused; give train or test.")
-    if config.task not in TASKS:
-        raise InputError(f"task = {config.task!r} is refused; give I, II or III.")
-    check_scenes_setting(config.scenes)
-    unseen = split == "test" and config.task == "III"
-    if options.obs == "features":
-        training = _encoded_training(replace(config, task="I")).scenes
-        others = _encoded_unseen(replace(config, task="I")) if unseen else []
-    else:
-        training = _with_views(config, False) if not unseen else _without_views(config)
-        others = _with_views(config, True) if unseen else []
+    config = scenes.config
+    elsewhere = split == "test" and config.task == "III"
+    training = scenes.observed(unseen=False, obs=options.obs)
+    others = scenes.observed(unseen=True, obs=options.obs) if elsewhere else []
+    if elsewhere and not others:
+        raise InputError("unseen: Task III needs scenes that the agent was not trained in; give a list of them.")
     drawn = draw_split(training, others, config.tasks, seed)
     chosen = drawn.training if split == "train" else drawn.of_task(config.task, config.evaluation)
-    scenes = others if unseen else training
     number = {old: new for new, old in enumerate(sorted({target.scene for target in chosen}))}
-    pictures = [scene.views for scene in _with_views(config, unseen)] if rendered else None
+    pictures = [scene.views for scene in scenes.pictured(unseen=elsewhere)] if rendered else None
     return NavigationProblem(
-        [scenes[old] for old in number],
+        [(others if elsewhere else training)[old] for old in number],
         [replace(target, scene=number[target.scene]) for target in chosen],
         options,
         [pictures[old] for old in number] if pictures else None,
@@ -177,6 +206,7 @@ def task_problem(
 def _encoded_training(config: Config) -> "EncodedScenes":
     from relm_irl_jax.stages.encoding import encode_training  # loads JAX
 
+    check_scenes_setting(config.scenes)
     return encode_training(config)
 
 
@@ -187,14 +217,6 @@ def _encoded_unseen(config: Config) -> list[Scene]:
     return encode_unseen(config, _encoded_training(config))
 
 
-def _with_views(config: Config, unseen: bool) -> list[Scene]:
-    return _loaded(config.scenes, config.scene, unseen, True)
-
-
-def _without_views(config: Config) -> list[Scene]:
-    return _loaded(config.scenes, config.scene, False, False)
-
-
 @lru_cache(maxsize=2)
-def _loaded(scenes: str, settings, unseen: bool, views: bool) -> list[Scene]:
-    return (unseen_scenes if unseen else training_scenes)(scenes, settings, views=views)
+def _loaded(scenes: str, settings: SceneSettings, unseen: bool) -> list[Scene]:
+    return (unseen_scenes if unseen else training_scenes)(scenes, settings)

@@ -8,10 +8,11 @@ import gymnasium
 import numpy as np
 from gymnasium import spaces
 
+from relm_irl_jax.api.scenes import Scenes
 from relm_irl_jax.config import Config
 from relm_irl_jax.gym.problem import NavigationProblem, Options, checked_action
 from relm_irl_jax.gym.scenes import navigation_problem, task_problem
-from relm_irl_jax.gym.task_config import task_config
+from relm_irl_jax.gym.task_config import task_scenes
 from relm_irl_jax.scenes.scene import ACTIONS, Scene
 from relm_irl_jax.transitions import FeatureReward
 
@@ -124,7 +125,8 @@ class TaskEnv(ProblemEnv):
         seed: the seed that draws the targets, as `relm-irl train` does for the same seed.
         split: `train` for the training scenes and targets, which are the same for all tasks; `test` for the scenes and
             targets on which the task is evaluated.
-        scenes: `rooms` for the built-in rooms, or a folder of scene files.
+        scenes: the training scenes: a list, `rooms` for the built-in rooms, or a folder of scene files.
+        unseen: scenes of Task III, where the training scenes are a list.
         cap: number of steps after which an episode is truncated; by default the configuration's.
         obs: `features` or `frames`; for frames, views are not encoded.
         reward: a function of `relm_irl_jax.transitions.TransitionFeatures`; by default the hand-made reward.
@@ -139,7 +141,8 @@ class TaskEnv(ProblemEnv):
         seed: int = 0,
         split: str = "train",
         *,
-        scenes: str | Path | None = None,
+        scenes: Scenes | None = None,
+        unseen: Sequence[Scene] | None = None,
         cap: int | None = None,
         obs: str = "features",
         reward: FeatureReward | None = None,
@@ -147,6 +150,6 @@ class TaskEnv(ProblemEnv):
         history: int = 1,
         config: Config | None = None,
     ):
-        config = task_config(task, scenes, cap, config)
-        options = Options(config.tasks.cap, obs, history, reward, bounded=False)
-        super().__init__(task_problem(config, seed, split, options, rendered=render_mode is not None), render_mode)
+        chosen = task_scenes(task, scenes, unseen, cap, config)
+        options = Options(chosen.config.tasks.cap, obs, history, reward, bounded=False)
+        super().__init__(task_problem(chosen, seed, split, options, rendered=render_mode is not None), render_mode)

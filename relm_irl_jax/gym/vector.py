@@ -10,11 +10,12 @@ from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
+from relm_irl_jax.api.scenes import Scenes
 from relm_irl_jax.config import Config
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.gym.problem import MANUAL, NavigationProblem, Options, checked_actions
 from relm_irl_jax.gym.scenes import navigation_problem, task_problem
-from relm_irl_jax.gym.task_config import task_config
+from relm_irl_jax.gym.task_config import task_scenes
 from relm_irl_jax.scenes.scene import ACTIONS, Scene
 from relm_irl_jax.transitions import FeatureReward
 
@@ -183,6 +184,7 @@ class TaskVectorEnv(ProblemVectorEnv):
         seed: see `TaskEnv`.
         split: see `TaskEnv`.
         scenes: see `TaskEnv`.
+        unseen: see `TaskEnv`.
         cap: see `TaskEnv`.
         obs: see `TaskEnv`.
         reward: see `TaskEnv`; called for one agent after the other.
@@ -199,7 +201,8 @@ class TaskVectorEnv(ProblemVectorEnv):
         seed: int = 0,
         split: str = "train",
         *,
-        scenes: str | Path | None = None,
+        scenes: Scenes | None = None,
+        unseen: Sequence[Scene] | None = None,
         cap: int | None = None,
         obs: str = "features",
         reward: FeatureReward | None = None,
@@ -208,7 +211,7 @@ class TaskVectorEnv(ProblemVectorEnv):
         config: Config | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
     ):
-        config = task_config(task, scenes, cap, config)
-        options = Options(config.tasks.cap, obs, history, reward, bounded=False)
-        problem = task_problem(config, seed, split, options, rendered=render_mode is not None)
+        chosen = task_scenes(task, scenes, unseen, cap, config)
+        options = Options(chosen.config.tasks.cap, obs, history, reward, bounded=False)
+        problem = task_problem(chosen, seed, split, options, rendered=render_mode is not None)
         super().__init__(num_envs, problem, render_mode, autoreset_mode)
