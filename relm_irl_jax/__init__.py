@@ -7,8 +7,7 @@
 Names are imported on first use. Importing the package registers its environments with Gymnasium.
 """
 
-from importlib.metadata import version
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from relm_irl_jax.lazy import lazy_getattr
 from relm_irl_jax.registration import register_environments
@@ -20,8 +19,8 @@ if TYPE_CHECKING:
     from relm_irl_jax.api.scenes import rooms as rooms
     from relm_irl_jax.api.train import train as train
 
-__version__ = version("relm-irl-jax")
-"""Version of the installed package."""
+    __version__: str
+    """Version of the installed package."""
 
 _MODULES = {
     "compare": "api.compare",
@@ -33,6 +32,16 @@ _MODULES = {
 
 __all__ = ["__version__", *sorted(_MODULES)]
 
-__getattr__ = lazy_getattr(__name__, _MODULES)
+_import_name = lazy_getattr(__name__, _MODULES)
+
+
+def __getattr__(name: str) -> Any:
+    """A public name, on first use."""
+    if name == "__version__":
+        from importlib.metadata import version  # here, since it takes a tenth of the time that help may take
+
+        return version("relm-irl-jax")
+    return _import_name(name)
+
 
 register_environments()

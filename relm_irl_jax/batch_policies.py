@@ -12,7 +12,7 @@ agent for a whole episode, and all agents' episodes begin together.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from jaxtyping import Int32, PRNGKeyArray
@@ -28,10 +28,6 @@ BatchPolicy = Callable[[dict[str, np.ndarray]], Any]
 
 OBSERVATION_BYTES = 2**27
 """Most memory of the observations of agents that act side by side."""
-
-
-Observed = Literal["features", "frames"]
-"""What a policy observes of a view."""
 
 
 @dataclass(frozen=True)

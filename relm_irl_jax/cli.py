@@ -1,176 +1,72 @@
 """The command `relm-irl`."""
 
+import difflib
 import os
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
-import tyro
 from pydantic import ValidationError
-from pydantic.dataclasses import dataclass
-from rich.console import Console
 
-from relm_irl_jax import __version__
-from relm_irl_jax.batch_policies import Observed
-from relm_irl_jax.bounds import ImageSize, NonNegativeInt, PositiveInt, Seed
-from relm_irl_jax.config import Config, Method, Task, load_config
 from relm_irl_jax.errors import DivergenceError, InputError, first_fault, system_fault
 from relm_irl_jax.files import ensure_writable
+from relm_irl_jax.help_pages import COMMANDS, overview, train_help
 from relm_irl_jax.interruption import Resume
-from relm_irl_jax.pipeline import enter_policy, enter_results, evaluate_run, run
-from relm_irl_jax.play.animation import play as play_run
-from relm_irl_jax.play.keyboard import draw_episode, play_in_terminal, scene_and_targets, scene_and_targets_of_run
-from relm_irl_jax.report.run_report import write_report
-from relm_irl_jax.report.run_settings import load_run_settings
-from relm_irl_jax.report.tables import console_table
-from relm_irl_jax.results import Results, load_results, read_results
-from relm_irl_jax.run_config import find_run, locked, run_path
+from relm_irl_jax.lazy import deferred
 from relm_irl_jax.run_folder import RunFolder
-from relm_irl_jax.scenes.check import check_files, check_table
-from relm_irl_jax.scenes.recording.export import export_scenes, export_table
-from relm_irl_jax.scenes.recording.thor import ThorSettings, thor_scenes
-from relm_irl_jax.scenes.recording.vizdoom import VizdoomSettings, vizdoom_maps
-from relm_irl_jax.scenes.rooms import generate_room
-from relm_irl_jax.scenes.scene import ROOM_TYPES
-from relm_irl_jax.scenes.scene_file import save_scene
-from relm_irl_jax.scenes.selection import scene_files
-from relm_irl_jax.stages.episodes import AgentChoice, EpisodePath
-from relm_irl_jax.stages.own_policies import OwnPolicy, results_file
 
+if TYPE_CHECKING:
+    from rich.console import Console
 
-@dataclass(frozen=True)
-class Evaluate:
-    """Evaluate the agents of a run on a task."""
+    from relm_irl_jax.commands import Bench, Check, Evaluate, ExportThor, ExportVizdoom, Generate, Play, Report
+    from relm_irl_jax.config import Config
+    from relm_irl_jax.results import Results
+    from relm_irl_jax.stages.episodes import EpisodePath
 
-    run: tyro.conf.Positional[Path]
-    """Run folder."""
-    task: Task = "II"
-    """Task to evaluate."""
-    policy: str | None = None
-    """Your own policy, which gets a row beside the run's: module:function of a batch of observations, or module:class,
-    which is called with the seed."""
-    results: Path | None = None
-    """Your own results, which get rows beside the run's: a file in the form of results.json."""
-    name: str | None = None
-    """Name of your policy or results in the tables; by default the function's name, or the names in the file."""
-    obs: Observed = "features"
-    """What your policy observes of views."""
-    history: PositiveInt = 1
-    """Number of last views that your policy observes, the latest first."""
+# What the commands do is imported when they do it.
+check_files = deferred("relm_irl_jax.scenes.check", "check_files")
+check_table = deferred("relm_irl_jax.scenes.check", "check_table")
+console_table = deferred("relm_irl_jax.report.tables", "console_table")
+draw_episode = deferred("relm_irl_jax.play.keyboard", "draw_episode")
+enter_policy = deferred("relm_irl_jax.pipeline", "enter_policy")
+enter_results = deferred("relm_irl_jax.pipeline", "enter_results")
+evaluate_run = deferred("relm_irl_jax.pipeline", "evaluate_run")
+export_scenes = deferred("relm_irl_jax.scenes.recording.export", "export_scenes")
+export_table = deferred("relm_irl_jax.scenes.recording.export", "export_table")
+find_run = deferred("relm_irl_jax.run_config", "find_run")
+generate_room = deferred("relm_irl_jax.scenes.rooms.generate", "generate_room")
+load_config = deferred("relm_irl_jax.config", "load_config")
+load_results = deferred("relm_irl_jax.results", "load_results")
+load_run_settings = deferred("relm_irl_jax.report.run_settings", "load_run_settings")
+locked = deferred("relm_irl_jax.run_config", "locked")
+play_in_terminal = deferred("relm_irl_jax.play.keyboard", "play_in_terminal")
+play_run = deferred("relm_irl_jax.play.animation", "play")
+read_results = deferred("relm_irl_jax.results", "read_results")
+results_file = deferred("relm_irl_jax.stages.own_policies", "results_file")
+run = deferred("relm_irl_jax.pipeline", "run")
+run_path = deferred("relm_irl_jax.run_config", "run_path")
+save_scene = deferred("relm_irl_jax.scenes.scene_file", "save_scene")
+scene_and_targets = deferred("relm_irl_jax.play.keyboard", "scene_and_targets")
+scene_and_targets_of_run = deferred("relm_irl_jax.play.keyboard", "scene_and_targets_of_run")
+scene_files = deferred("relm_irl_jax.scenes.selection", "scene_files")
+thor_scenes = deferred("relm_irl_jax.scenes.recording.thor", "thor_scenes")
+vizdoom_maps = deferred("relm_irl_jax.scenes.recording.vizdoom", "vizdoom_maps")
+write_report = deferred("relm_irl_jax.report.run_report", "write_report")
 
+AgentChoice = deferred("relm_irl_jax.stages.episodes", "AgentChoice")
+OwnPolicy = deferred("relm_irl_jax.stages.own_policies", "OwnPolicy")
 
-@dataclass(frozen=True)
-class Report:
-    """Write the report of a run again."""
-
-    run: tyro.conf.Positional[Path]
-    """Run folder."""
-
-
-@dataclass(frozen=True)
-class Play:
-    """Save animations of an agent (GIF files in the run folder), or navigate by keyboard."""
-
-    run: tyro.conf.Positional[Path | None] = None
-    """Run folder; without it, you navigate by keyboard."""
-    method: Method = "relm-irl"
-    """Method that trained the agent."""
-    task: Task = "I"
-    """Task, which determines scenes and targets."""
-    seed: Seed = 0
-    """Seed of the agent."""
-    episode: NonNegativeInt = 0
-    """Number of the episode, which determines start and target."""
-    keyboard: bool = False
-    """Navigate to a target of the task by keyboard."""
-    scene: str | None = None
-    """Scene for navigation by keyboard: with a run, the name of one of its scenes (default: the first); without a run,
-    a scene file or a built-in room (default: bathroom-0)."""
-    target: str | None = None
-    """Category of the target object for navigation without a run; by default a random one."""
-
-
-@dataclass(frozen=True)
-class Generate:
-    """Generate built-in rooms as scene files in the THOR v1 format."""
-
-    out: Path
-    """Output folder."""
-    room_types: tuple[Literal["bathroom", "bedroom", "living_room"], ...] = ROOM_TYPES
-    """Room types."""
-    count: PositiveInt = 1
-    """Rooms of each type."""
-    first: NonNegativeInt = 0
-    """Number of the first room of each type."""
-    size: Literal["full", "tiny"] = "full"
-    """The original scenes' state counts (full), or 12 to 20 places (tiny)."""
-    image_size: ImageSize = 224
-    """Rows and columns of a view."""
-
-
-@dataclass(frozen=True)
-class Check:
-    """Check that scene files are consistent and usable for training."""
-
-    files: tyro.conf.Positional[tuple[Path, ...]]
-    """Scene files, or folders of them."""
-
-
-@dataclass(frozen=True)
-class ExportVizdoom:
-    """Record maps of ViZDoom, which includes Freedoom's maps (pip install vizdoom)."""
-
-    out: Path
-    """Output folder. Existing files are kept; an interrupted recording continues."""
-    maps: tuple[str, ...]
-    """Maps: map01 to map32, or e1m1 to e4m9."""
-    settings: Annotated[VizdoomSettings, tyro.conf.arg(name="")] = VizdoomSettings()
-    """States and views."""
-
-
-@dataclass(frozen=True)
-class ExportThor:
-    """Record scenes of AI2-THOR (pip install ai2thor)."""
-
-    out: Path
-    """Output folder. Existing files are kept; an interrupted recording continues."""
-    scenes: tuple[str, ...]
-    """iTHOR scenes, such as FloorPlan401, or JSON files of ProcTHOR houses."""
-    settings: Annotated[ThorSettings, tyro.conf.arg(name="")] = ThorSettings()
-    """Views."""
-
-
-RecordedVizdoom = Annotated[ExportVizdoom, tyro.conf.subcommand("vizdoom", prefix_name=False)]
-RecordedThor = Annotated[ExportThor, tyro.conf.subcommand("thor", prefix_name=False)]
-
-
-@dataclass(frozen=True)
-class Export:
-    """Record scenes of another simulator as scene files in the THOR v1 format."""
-
-    engine: Annotated[RecordedVizdoom | RecordedThor, tyro.conf.arg(name="")]
-
-
-Generated = Annotated[Generate, tyro.conf.subcommand("generate", prefix_name=False)]
-Checked = Annotated[Check, tyro.conf.subcommand("check", prefix_name=False)]
-Exported = Annotated[Export, tyro.conf.subcommand("export", prefix_name=False)]
-
-
-@dataclass(frozen=True)
-class Bench:
-    """Measure speed on this computer."""
-
-    name: tyro.conf.Positional[Literal["agent", "scaling", "elm", "irl", "encoder"]]
-    """The benchmark."""
-    out: Path = Path("runs/bench")
-    """Output folder, with a sub-folder for each benchmark. The encoder's benchmark writes no files."""
+HELP = ("-h", "--help")
 
 
 def main() -> None:
     """Run the command; for unusable input, print one sentence and exit with code 2."""
     if sys.argv[1:] == ["--version"]:
+        from relm_irl_jax import __version__
+
         print(f"relm-irl-jax {__version__}")
         return
     try:
@@ -195,73 +91,101 @@ def _exit_with_error(message: str, code: int = 2) -> None:
 
 
 def _dispatch(arguments: list[str]) -> None:
-    """Parse and run the sub-command."""
-    app = tyro.extras.SubcommandApp()
+    """Parse and run the command."""
+    if not arguments or arguments[0] in HELP:
+        print(overview())
+        sys.exit(0 if arguments else 2)
+    name, rest = arguments[0], arguments[1:]
+    if name not in COMMANDS:
+        near = difflib.get_close_matches(name, COMMANDS, 1)
+        meant = f"did you mean {near[0]}? " if near else ""
+        raise InputError(f"there is no command {name}; {meant}`relm-irl --help` lists the commands.")
+    {"train": _train}.get(name, lambda rest: _other(name, rest))(rest)
+
+
+def _other(name: str, arguments: list[str]) -> None:
+    """Any command but `train`."""
+    import tyro
+
+    from relm_irl_jax.commands import Bench, Checked, Evaluate, Exported, Generated, Play, Report
+
+    kinds: dict[str, tuple[Any, Callable[[Any], None]]] = {
+        "evaluate": (Evaluate, _evaluate),
+        "report": (Report, _report),
+        "play": (Play, _play),
+        "scenes": (Generated | Checked | Exported, _scenes),
+        "bench": (Bench, _bench),
+    }
+    kind, work = kinds[name]
+
+    # A function, so that refused values raise here instead of ending the process within the parser.
+    def parsed(command: Annotated[kind, tyro.conf.arg(name="")]) -> Any:  # pyrefly: ignore
+        return command
+
+    work(tyro.cli(parsed, args=arguments, prog=f"relm-irl {name}", description=COMMANDS[name]))
+
+
+def _train(arguments: list[str]) -> None:
+    """Train agents and evaluate them on a task."""
+    import tyro
+
+    from relm_irl_jax.config import Config
+
+    for option in HELP:
+        if option in arguments:
+            position = arguments.index(option)
+            print(train_help(Config, arguments[position + 1] if position + 1 < len(arguments) else None))
+            return
     default, arguments = _default_config(arguments)
 
-    @app.command
-    def train(config: Annotated[Config, tyro.conf.arg(name="")] = default) -> None:
-        """Train agents and evaluate them on a task.
+    def parsed(config: Annotated[Config, tyro.conf.arg(name="")] = default) -> Config:
+        return config
 
-        `--config FILE` reads other defaults from a TOML file. `--resume RUN` continues a run with the configuration in
-        its folder. Agents that are already trained are not trained again, and an interrupted training continues from
-        its last checkpoint.
-        """
-        Resume.run = run_path(config.resolved())
-        folder = run(config)
-        _show(load_results(folder), folder.path)
-
-    @app.command
-    def evaluate(command: Annotated[Evaluate, tyro.conf.arg(name="")]) -> None:
-        """Evaluate the agents of a run on a task."""
-        folder, config = find_run(command.run)
-        _evaluate(command, folder, config)
-        _show(load_results(folder), folder.path)
-
-    @app.command
-    def report(command: Annotated[Report, tyro.conf.arg(name="")]) -> None:
-        """Write the report of a run again."""
-        folder = RunFolder(command.run)
-        load_run_settings(folder)  # refuses other folders before the lock is created there
-        with locked(folder):
-            write_report(folder)
-        _show(load_results(folder), folder.path)
-
-    @app.command
-    def play(command: Annotated[Play, tyro.conf.arg(name="")]) -> None:
-        """Save animations of an agent (GIF files in the run folder), or navigate by keyboard."""
-        console = Console(markup=False, emoji=False)
-        if command.keyboard or command.run is None:
-            _play_by_keyboard(command, console)
-            return
-        folder, config = find_run(command.run)
-        choice = AgentChoice(command.method, command.task, command.seed)
-        for file, path in play_run(config, folder, choice, command.episode):
-            console.print(f"{file}: {_outcome(path)}", highlight=False, soft_wrap=True)
-
-    @app.command
-    def scenes(command: Annotated[Generated | Checked | Exported, tyro.conf.arg(name="")]) -> None:
-        """Generate built-in rooms as scene files, record scenes of other simulators, or check scene files."""
-        if isinstance(command, Generate):
-            _generate(command)
-        elif isinstance(command, Export):
-            _export(command.engine)
-        else:
-            _check(command)
-
-    @app.command
-    def bench(command: Annotated[Bench, tyro.conf.arg(name="")]) -> None:
-        """Measure speed on this computer."""
-        _bench(command)
-
-    app.cli(
-        args=arguments,
-        prog="relm-irl",
-        description="Target-driven visual navigation with learned rewards. `relm-irl --version` prints the version.",
-    )
+    config = tyro.cli(parsed, args=arguments, prog="relm-irl train", description=COMMANDS["train"])
+    Resume.run = run_path(config.resolved())
+    folder = run(config)
+    _show(load_results(folder), folder.path)
 
 
-def _evaluate(command: Evaluate, folder: RunFolder, config: Config) -> None:
+def _report(command: "Report") -> None:
+    folder = RunFolder(command.run)
+    load_run_settings(folder)  # refuses other folders before the lock is created there
+    with locked(folder):
+        write_report(folder)
+    _show(load_results(folder), folder.path)
+
+
+def _play(command: "Play") -> None:
+    console = _console()
+    if command.keyboard or command.run is None:
+        _play_by_keyboard(command, console)
+        return
+    folder, config = find_run(command.run)
+    choice = AgentChoice(command.method, command.task, command.seed)
+    for file, path in play_run(config, folder, choice, command.episode):
+        console.print(f"{file}: {_outcome(path)}", highlight=False, soft_wrap=True)
+
+
+def _console() -> "Console":
+    """Standard output; names and paths are printed as they are, not as markup."""
+    from rich.console import Console
+
+    return Console(markup=False, emoji=False)
+
+
+def _scenes(command: Any) -> None:
+    from relm_irl_jax.commands import Export, Generate
+
+    if isinstance(command, Generate):
+        _generate(command)
+    elif isinstance(command, Export):
+        _export(command.engine)
+    else:
+        _check(command)
+
+
+def _evaluate(command: "Evaluate") -> None:
+    folder, config = find_run(command.run)
     if command.policy is not None and command.results is not None:
         raise InputError("results: give either a policy or results.")
     if command.policy is not None:
@@ -271,9 +195,10 @@ def _evaluate(command: Evaluate, folder: RunFolder, config: Config) -> None:
         enter_results(config, folder, results_file(command.results, read_results(command.results), command.name))
     else:
         evaluate_run(config, folder, command.task)
+    _show(load_results(folder), folder.path)
 
 
-def _play_by_keyboard(command: Play, console: Console) -> None:
+def _play_by_keyboard(command: "Play", console: "Console") -> None:
     if command.run is None:
         scene, targets = scene_and_targets(command.scene or "bathroom-0", command.target)
     else:
@@ -283,13 +208,13 @@ def _play_by_keyboard(command: Play, console: Console) -> None:
     console.print(f"{scene.name}: {_outcome(path)}", highlight=False, soft_wrap=True)
 
 
-def _outcome(path: EpisodePath) -> str:
+def _outcome(path: "EpisodePath") -> str:
     steps = len(path.states) - 1
     outcome = "reached after" if path.success else "not reached in"
     return f"target {outcome} {steps} steps; shortest path: {path.shortest}"
 
 
-def _generate(command: Generate) -> None:
+def _generate(command: "Generate") -> None:
     ensure_writable(command.out)
     for room_type in command.room_types:
         for number in range(command.first, command.first + command.count):
@@ -297,37 +222,39 @@ def _generate(command: Generate) -> None:
             save_scene(scene, command.out / f"{scene.name}.h5")
 
 
-def _export(command: ExportVizdoom | ExportThor) -> None:
+def _export(command: "ExportVizdoom | ExportThor") -> None:
+    from relm_irl_jax.commands import ExportVizdoom
+
     if isinstance(command, ExportVizdoom):
         openers = vizdoom_maps(command.maps, command.settings)
     else:
         openers = thor_scenes(command.scenes, command.settings)
     ensure_writable(command.out)
-    Console(markup=False, emoji=False).print(export_table(list(export_scenes(openers, command.out))))
+    _console().print(export_table(list(export_scenes(openers, command.out))))
 
 
-def _check(command: Check) -> None:
+def _check(command: "Check") -> None:
     paths = [file for path in command.files for file in (scene_files(path) if path.is_dir() else [path])]
     if not paths:
         raise InputError("scenes check: there are no scene files; give HDF5 files or folders that contain some.")
     checked = check_files(paths)
-    Console(markup=False, emoji=False).print(check_table(checked))
+    _console().print(check_table(checked))
     faults = [fault for result in checked for fault in result.faults]
     if faults:
         raise InputError("\n".join(faults))
 
 
-def _bench(command: Bench) -> None:
+def _bench(command: "Bench") -> None:
     if command.name != "encoder":
         ensure_writable(command.out)
     benchmark = import_module(f"relm_irl_jax.benchmarks.{command.name}")
     benchmark.main(*(() if command.name == "encoder" else (command.out / command.name,)))
 
 
-def _default_config(arguments: list[str]) -> tuple[Config, list[str]]:
+def _default_config(arguments: list[str]) -> "tuple[Config, list[str]]":
     """Remove `--config FILE` or `--resume RUN` from the arguments of `train`, and read the configuration."""
-    if arguments[:1] != ["train"]:
-        return Config(), arguments
+    from relm_irl_jax.config import Config
+
     file, arguments = _pop_option(arguments, "--config", "file", "a TOML file")
     run, arguments = _pop_option(arguments, "--resume", "folder", "the folder of a run made by `relm-irl train`")
     if file and run:
@@ -348,7 +275,7 @@ def _pop_option(arguments: list[str], option: str, kind: str, remedy: str) -> tu
     return arguments[position + 1], arguments[:position] + arguments[position + 2 :]
 
 
-def _show(results: Results, folder: Path) -> None:
-    console = Console(markup=False, emoji=False)
+def _show(results: "Results", folder: Path) -> None:
+    console = _console()
     console.print(console_table(results))
     console.print(f"Report: {folder / 'report.html'}", highlight=False, soft_wrap=True)

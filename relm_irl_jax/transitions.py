@@ -2,9 +2,12 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 from jaxtyping import Bool, Float, Int
+
+Observed = Literal["features", "frames"]
+"""What an agent observes of a view."""
 
 
 @dataclass(frozen=True)

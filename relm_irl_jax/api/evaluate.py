@@ -10,7 +10,7 @@ from relm_irl_jax.agents.random_agent import RandomPolicy
 from relm_irl_jax.api.scenes import Scenes, config_of
 from relm_irl_jax.api.setting import Setting, prepare
 from relm_irl_jax.api.train import Trained, numbered
-from relm_irl_jax.batch_policies import BatchPolicy, Observed, Protocol, evaluate_batch_policy
+from relm_irl_jax.batch_policies import BatchPolicy, Protocol, evaluate_batch_policy
 from relm_irl_jax.config import Config, overlay
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.evaluation import Episodes, evaluation_key
@@ -20,6 +20,7 @@ from relm_irl_jax.results import ResultRow, Results, Task
 from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.stages.evaluation import result_rows
 from relm_irl_jax.stages.worlds import EvaluationTask
+from relm_irl_jax.transitions import Observed
 
 
 def evaluate(

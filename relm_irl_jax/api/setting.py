@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from relm_irl_jax.api.scenes import Scenes
-from relm_irl_jax.batch_policies import Observed
 from relm_irl_jax.config import Config
 from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.scenes.selection import check_scenes_setting, training_scenes, unseen_scenes
 from relm_irl_jax.stages.encoding import EncodedScenes, encode_more, encode_scenes, encode_training
 from relm_irl_jax.stages.worlds import EvaluationTask, evaluation_task
+from relm_irl_jax.transitions import Observed
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,7 +4,7 @@ import operator
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal, get_args
+from typing import get_args
 
 import gymnasium
 import numpy as np
@@ -17,10 +17,7 @@ from relm_irl_jax.rewards.settings import ManualSettings
 from relm_irl_jax.scenes.scene import ACTIONS, Scene
 from relm_irl_jax.tables import TargetTables, scene_offsets, successor_table, target_tables
 from relm_irl_jax.tasks import Target
-from relm_irl_jax.transitions import FeatureReward, TransitionFeatures
-
-Observed = Literal["features", "frames"]
-"""What an environment observes of a view."""
+from relm_irl_jax.transitions import FeatureReward, Observed, TransitionFeatures
 
 MANUAL = ManualSettings()
 

@@ -9,8 +9,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float32, Float64, Int, Int32, Int64, UInt8
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import shortest_path
 
 from relm_irl_jax.errors import InputError
 
@@ -25,6 +23,9 @@ HEADINGS = (0.0, 90.0, 180.0, 270.0)
 
 ROOM_TYPES = ("bathroom", "bedroom", "living_room")
 """The room types that the paper reports."""
+
+ROOM_TYPE_PATTERN = r"(?!(?i:mean)$)\w[\w.+-]*"
+"""Pattern of room types, which become parts of file names and columns of tables: `mean` is the last column's name."""
 
 COLLISION = -1
 """Entry of `Scene.graph` where the action would collide and leaves the state unchanged."""
@@ -153,6 +154,9 @@ def shortest_path_distances(graph: Int[np.ndarray, "states 4"]) -> Int32[np.ndar
     Returns:
         Distance from row to column, `UNREACHABLE` where there is no path.
     """
+    from scipy.sparse import csr_array  # here, since most readers of scenes do not need it
+    from scipy.sparse.csgraph import shortest_path
+
     state, action = np.nonzero(graph != COLLISION)
     edges = csr_array((np.ones(len(state)), (state, graph[state, action])), shape=(len(graph), len(graph)))
     distances = np.empty((len(graph), len(graph)), np.int32)

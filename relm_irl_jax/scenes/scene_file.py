@@ -17,14 +17,11 @@ from relm_irl_jax.errors import InputError, first_line
 from relm_irl_jax.files import whole_file
 from relm_irl_jax.hardware import require_memory
 from relm_irl_jax.scenes.consistency import require_consistent
-from relm_irl_jax.scenes.scene import ACTIONS, COLLISION, ROOM_TYPES, UNREACHABLE, Scene
+from relm_irl_jax.scenes.scene import ACTIONS, COLLISION, ROOM_TYPE_PATTERN, ROOM_TYPES, UNREACHABLE, Scene
 
 FORMAT_VERSION = 1
 NAME_PATTERN = r"\w[\w .+-]*"
 """Pattern of the names of scenes, which become parts of file names."""
-
-ROOM_TYPE_PATTERN = r"(?!(?i:mean)$)\w[\w.+-]*"
-"""Pattern of room types, which become parts of file names and columns of tables: `mean` is the last column's name."""
 
 LONGEST_NAME = 100
 """Largest number of characters of a name."""

@@ -8,9 +8,12 @@ from pydantic.dataclasses import dataclass
 
 from relm_irl_jax.bounds import ImageSize, NonNegativeInt, PositiveInt
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.scenes.rooms.cache import built_in_room
+from relm_irl_jax.lazy import deferred
 from relm_irl_jax.scenes.scene import ROOM_TYPES, Scene
-from relm_irl_jax.scenes.scene_file import load_scene
+
+# Settings are read more often than scenes.
+built_in_room = deferred("relm_irl_jax.scenes.rooms.cache", "built_in_room")
+load_scene = deferred("relm_irl_jax.scenes.scene_file", "load_scene")
 
 ROOMS = "rooms"
 """Value of the setting `scenes` that selects the built-in rooms instead of a folder."""

@@ -24,8 +24,7 @@ from pydantic.dataclasses import dataclass
 
 from relm_irl_jax.bounds import ImageSize
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.scenes.recording.export import SceneOpener
-from relm_irl_jax.scenes.recording.simulator import Pose, SimulatorScene, View
+from relm_irl_jax.scenes.recording.simulator import Pose, SceneOpener, SimulatorScene, View
 from relm_irl_jax.scenes.scene import GRID_STEP, HEADINGS
 
 VISIBILITY_DISTANCE = 100.0

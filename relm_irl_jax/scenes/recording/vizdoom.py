@@ -29,12 +29,10 @@ from pydantic.dataclasses import dataclass
 
 from relm_irl_jax.bounds import ImageSize, PositiveInt
 from relm_irl_jax.progress import progress_bar
-from relm_irl_jax.scenes.recording.export import SceneOpener
-from relm_irl_jax.scenes.recording.simulator import AHEAD, BACK, Pose, SimulatorScene
+from relm_irl_jax.scenes.recording.simulator import AHEAD, BACK, Pose, SceneOpener, SimulatorScene
 from relm_irl_jax.scenes.recording.vizdoom_engine import RESOLUTIONS, find_wad, start_engine, vizdoom_package
 from relm_irl_jax.scenes.recording.vizdoom_player import Player
-from relm_irl_jax.scenes.scene import GRID_STEP, HEADINGS
-from relm_irl_jax.scenes.scene_file import ROOM_TYPE_PATTERN
+from relm_irl_jax.scenes.scene import GRID_STEP, HEADINGS, ROOM_TYPE_PATTERN
 
 
 @dataclass(frozen=True, config={"regex_engine": "python-re"})
