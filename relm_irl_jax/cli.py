@@ -21,7 +21,7 @@ from relm_irl_jax.run_folder import RunFolder
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from relm_irl_jax.commands import Bench, Check, Evaluate, ExportThor, ExportVizdoom, Generate, Play, Report
+    from relm_irl_jax.commands import Bench, Check, Evaluate, ExportThor, ExportVizdoom, Generate, Play, Record, Report
     from relm_irl_jax.config import Config
     from relm_irl_jax.results import Results
     from relm_irl_jax.stages.episodes import EpisodePath
@@ -33,7 +33,11 @@ console_table = deferred("relm_irl_jax.report.tables", "console_table")
 draw_episode = deferred("relm_irl_jax.play.keyboard", "draw_episode")
 enter_policy = deferred("relm_irl_jax.pipeline", "enter_policy")
 enter_results = deferred("relm_irl_jax.pipeline", "enter_results")
+encode_training = deferred("relm_irl_jax.stages.encoding", "encode_training")
 evaluate_run = deferred("relm_irl_jax.pipeline", "evaluate_run")
+expert_recordings = deferred("relm_irl_jax.stages.recordings", "expert_recordings")
+agent_recordings = deferred("relm_irl_jax.stages.recordings", "agent_recordings")
+save_demonstrations = deferred("relm_irl_jax.demonstrations", "save_demonstrations")
 export_scenes = deferred("relm_irl_jax.scenes.recording.export", "export_scenes")
 export_table = deferred("relm_irl_jax.scenes.recording.export", "export_table")
 find_run = deferred("relm_irl_jax.run_config", "find_run")
@@ -107,12 +111,13 @@ def _other(name: str, arguments: list[str]) -> None:
     """Any command but `train`."""
     import tyro
 
-    from relm_irl_jax.commands import Bench, Checked, Evaluate, Exported, Generated, Play, Report
+    from relm_irl_jax.commands import Bench, Checked, Evaluate, Exported, Generated, Play, Record, Report
 
     kinds: dict[str, tuple[Any, Callable[[Any], None]]] = {
         "evaluate": (Evaluate, _evaluate),
         "report": (Report, _report),
         "play": (Play, _play),
+        "demonstrations": (Record, _record),
         "scenes": (Generated | Checked | Exported, _scenes),
         "bench": (Bench, _bench),
     }
@@ -196,6 +201,20 @@ def _evaluate(command: "Evaluate") -> None:
     else:
         evaluate_run(config, folder, command.task)
     _show(load_results(folder), folder.path)
+
+
+def _record(command: "Record") -> None:
+    folder, config = find_run(command.run)
+    ensure_writable(command.out.parent)
+    training = encode_training(config)
+    if command.method is None:
+        recordings = expert_recordings(config, training, command.seed)
+    else:
+        choice = AgentChoice(command.method, command.task, command.seed)
+        recordings = agent_recordings(config, folder, training, choice, command.episodes)
+    save_demonstrations(recordings, command.out)
+    count = sum(map(len, recordings.values()))
+    _console().print(f"{command.out}: {count} demonstrations", highlight=False, soft_wrap=True)
 
 
 def _play_by_keyboard(command: "Play", console: "Console") -> None:

@@ -70,6 +70,25 @@ class Play:
 
 
 @dataclass(frozen=True)
+class Record:
+    """Write demonstrations of a run as JSON lines, which `--irl.demonstrations` reads."""
+
+    run: tyro.conf.Positional[Path]
+    """Run folder."""
+    out: Path
+    """File."""
+    method: Method | None = None
+    """Method whose agent's episodes are written, as far as they reach their target; by default the demonstrations that
+    the run's rewards are learned from."""
+    task: Task = "I"
+    """Task of the agent's episodes."""
+    seed: Seed = 0
+    """Seed of the run."""
+    episodes: PositiveInt = 20
+    """Episodes of the agent in each scene."""
+
+
+@dataclass(frozen=True)
 class Generate:
     """Generate built-in rooms as scene files in the THOR v1 format."""
 

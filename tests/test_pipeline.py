@@ -10,9 +10,12 @@ import pytest
 from command import EXPERIMENT, QUICK, relm_irl
 from PIL import Image, ImageSequence
 
+from relm_irl_jax.config import load_config
+from relm_irl_jax.demonstrations import load_demonstrations_by_scene
 from relm_irl_jax.files import read_table
 from relm_irl_jax.parameters import load_parameters
 from relm_irl_jax.play.animation import FRAME_MILLISECONDS
+from relm_irl_jax.scenes.selection import training_scenes
 
 
 def succeed(folder, *arguments):
@@ -225,3 +228,15 @@ def test_an_entry_that_cannot_be_used_is_one_sentence(first, folder, arguments, 
     code, _, err = relm_irl(folder, "evaluate", "one", *arguments)
     assert (code, err.count("\n")) == (2, 1), err
     assert sentence in err
+
+
+@pytest.mark.parametrize("options", [(), ("--method", "rl", "--task", "I", "--episodes", "2")])
+def test_demonstrations_of_a_run_are_written_and_read_again(first, folder, options):
+    out, _ = succeed(folder, "demonstrations", "one", "--out", "walks.jsonl", *options)
+    lines = [json.loads(line) for line in (folder / "walks.jsonl").read_text().splitlines()]
+    assert f"{len(lines)} demonstrations" in out
+    scenes = training_scenes("rooms", load_config(folder / "one" / "config.json").scene, views=False)
+    read = load_demonstrations_by_scene(folder / "walks.jsonl", scenes)  # refuses what the scenes do not allow
+    assert sum(map(len, read)) == len(lines)
+    if not options:
+        assert len(lines) == 12 * 4

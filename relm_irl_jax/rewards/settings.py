@@ -1,5 +1,6 @@
 """Settings of rewards: hand-made, learned from demonstrations, predicted, and for hindsight relabelling."""
 
+from pathlib import Path
 from typing import Literal
 
 from pydantic.dataclasses import dataclass
@@ -34,6 +35,9 @@ class IrlSettings(IrlMethodSettings):
     max_margin: MaxMarginSettings = MaxMarginSettings(regularisation=10.0, compare_with_lp=False)
     """The maximum-margin program; its form, discount and r_max apply to all methods. With λ = 10, solutions reach 94%
     of the linear program's objective, and predicted rewards rank new targets far higher than with a smaller λ."""
+    demonstrations: Path | None = None
+    """File of recorded demonstrations as JSON lines. They replace the expert's for the training targets that they lead
+    to; those that lead elsewhere are not used. If they are not shortest paths, `irl.max_margin.penalty` must be 2."""
     trajectories: PositiveInt = 16
     """Expert trajectories for each training target, from distinct random starts."""
     pooling: Literal["target", "trajectory"] = "target"
