@@ -22,7 +22,8 @@ Resume.run.mkdir()
 try:
     with interruptible(grace=0.5):
         child = subprocess.Popen(["sleep", "60"])
-        print(child.pid, flush=True)
+        if sys.argv[1] != "deferred":
+            print(child.pid, flush=True)
         if sys.argv[1] == "python":
             time.sleep(60)
         elif sys.argv[1] == "finaliser":
@@ -34,6 +35,7 @@ try:
             time.sleep(60)
         elif sys.argv[1] == "deferred":
             with deferred():
+                print(child.pid, flush=True)
                 end = time.monotonic() + 0.2
                 while time.monotonic() < end:
                     time.sleep(0.01)

@@ -96,7 +96,8 @@ def paths_of_agent(
     """
     task = evaluation_task(config, training, choice.task, choice.seed)
     with_views = (unseen_scenes if choice.task == "III" else training_scenes)(config.scenes, config.scene)
-    by_name = {scene.name: scene for scene in with_views}
+    names = {scene.name for scene in task.scenes}
+    by_name = {scene.name: scene for load in with_views if (scene := load()).name in names}
     policy = load_policy(config, folder, choice.method, choice.seed, task)
     key = jax.random.fold_in(jax.random.key(choice.seed), episode)
     paths = episode_paths(key, policy, task, config.tasks.cap)

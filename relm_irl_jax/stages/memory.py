@@ -1,15 +1,21 @@
 """Estimate of the memory that a run needs, so that absurd settings are refused before the work."""
 
+from relm_irl_jax.agents.map.network import VIEW
 from relm_irl_jax.config import Config
+from relm_irl_jax.features.resnet import N_FEATURES
 from relm_irl_jax.hardware import require_memory
 from relm_irl_jax.scenes.scene import ROOM_TYPES
 from relm_irl_jax.scenes.selection import ROOMS
+from relm_irl_jax.stages.make_agent import needs_features
 
 LARGEST_ROOM = 876
 """Most states of a built-in room."""
 
 FLOAT32, FLOAT64 = 4, 8
 """Bytes of a number."""
+
+COPIES = 3
+"""Arrays of the size of all features: as encoded, standardised, and on the device."""
 
 ACTIVATIONS = 4
 """Arrays of a training step with one row of a layer's width for each frame: three layers and a gradient."""
@@ -43,8 +49,13 @@ def estimates(config: Config) -> dict[str, int]:
     needed = {}
     if config.scenes == ROOMS:
         rooms = len(ROOM_TYPES) * config.scene.training_per_type
-        states = 20 * 4 if config.scene.size == "tiny" else LARGEST_ROOM // 2
-        needed["scene.training_per_type and scene.image_size: views"] = rooms * states * 3 * config.scene.image_size**2
+        states = rooms * (20 * 4 if config.scene.size == "tiny" else LARGEST_ROOM // 2)
+        if needs_features(config):
+            needed["scene.training_per_type: features"] = states * N_FEATURES * COPIES * FLOAT32
+        if config.agent == "map":
+            needed["scene.training_per_type: views"] = states * VIEW**2 * 3
+        # Views of other sizes are in memory for one room at a time.
+        needed["scene.image_size: the views of a room"] = LARGEST_ROOM * config.scene.image_size**2 * 3
     needed |= _training_steps(config).get(config.agent, {})
     if {"elm-irl", "relm-irl"} & set(config.chosen_methods()):
         # `elm.pairs` is an upper bound, of which a run with few demonstrations has fewer.
