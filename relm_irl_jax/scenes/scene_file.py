@@ -9,6 +9,7 @@ Datasets: `observation` (state, height, width, 3), `resnet_feature` (state, crop
 import math
 import os
 import re
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -96,6 +97,19 @@ def load_scene(path: str | os.PathLike, *, views: bool = True) -> Scene:
     return scene
 
 
+def require_views(path: Path) -> None:
+    """Check that a scene file has views, without reading them: they are needed late, for figures.
+
+    Args:
+        path: the file.
+
+    Raises:
+        InputError: the file has no views.
+    """
+    with suppress(OSError), h5py.File(path, "r") as file:  # reading the scene says what is wrong with the file
+        _require_rgb(_checked(file, path, "observation", (None, None, None, 3)), path)
+
+
 def read_scene(path: str | os.PathLike, *, views: bool = True) -> Scene:
     """Read a scene without comparing its datasets with each other.
 
@@ -165,8 +179,9 @@ def _read(file: h5py.File, path: Path, *, views: bool) -> Scene:
             "needs one name for each column in `categories`",
         )
     if views:
-        observation = _dataset(file, path, "observation", (n_states, None, None, 3))
-        _require(observation.dtype == np.uint8, path, "observation", "must be uint8 RGB")
+        stored = _checked(file, path, "observation", (n_states, None, None, 3))
+        _require_rgb(stored, path)
+        observation = stored[()]
     name = _text(file, path, "name", path.stem, NAME_PATTERN, "a name of letters, digits, '_', '-', '.' and spaces")
     room_type = room_type_from_name(name)
     kind = "a name of letters, digits, '_', '-' and '.', and not `mean`"
@@ -255,6 +270,10 @@ def _numbers(file: h5py.File, path: Path, name: str, shape: tuple[int | None, ..
         fits = -limit <= float(values.min()) and float(values.max()) <= limit
         _require(fits, path, name, "has values that are not finite")
     return values
+
+
+def _require_rgb(observation: h5py.Dataset, path: Path) -> None:
+    _require(observation.dtype == np.uint8, path, "observation", "must be uint8 RGB")
 
 
 def _text(file: h5py.File, path: Path, attribute: str, default: str, pattern: str, kind: str) -> str:

@@ -11,7 +11,7 @@ from relm_irl_jax.bounds import ImageSize, NonNegativeInt, PositiveInt
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.scenes.rooms.cache import built_in_room
 from relm_irl_jax.scenes.scene import ROOM_TYPES, Scene
-from relm_irl_jax.scenes.scene_file import load_scene
+from relm_irl_jax.scenes.scene_file import load_scene, require_views
 
 ROOMS = "rooms"
 """Value of the setting `scenes` that selects the built-in rooms instead of a folder."""
@@ -138,6 +138,7 @@ def _scenes_by_type(scenes: str, settings: SceneSettings) -> dict[str, tuple[lis
     names: dict[str, Path] = {}
     first: _Features | None = None
     for path in scene_files(Path(scenes)):
+        require_views(path)
         scene = load_scene(path, views=False)
         if scene.name in names:
             raise InputError(f"{path}: its scene has the name {scene.name}, as {names[scene.name]}; rename one.")
