@@ -250,32 +250,36 @@ class Uninterrupted:
 def interrupted(folder, reference, generator, cache, kills):
     """Run commands in a folder, and end them at most `kills` times; the stages and signals."""
     ended = []
-    for arguments, of_command in zip(reference.commands, reference.stages, strict=True):
-        remaining = generator.randint(2, 8) if arguments[0] == "train" else generator.randint(0, 2)
-        while True:
-            child = Child(folder, arguments, cache)
-            if remaining == 0 or len(ended) >= kills:
-                while child.stage() is not None:
-                    pass
-                assert child.wait() == 0, child.errors.read_text()
+    for arguments, stages in zip(reference.commands, reference.stages, strict=True):
+        trains = arguments[0] == "train"
+        # A training that is continued prepares its scenes again, and goes on with the stage in which it was ended.
+        again = 2 if trains else len(stages)
+        reached = again
+        for _ in range(generator.randint(4, 12) if trains else generator.randint(0, 3)):
+            if len(ended) == kills:
                 break
-            position = generator.randrange(len(of_command))
-            chosen, duration = of_command[position]
-            occurrence = [stage for stage, _ in of_command[: position + 1]].count(chosen)
-            stage = "start"
-            while stage is not None:
-                occurrence -= stage == chosen
+            if not trains or generator.random() < 0.15:
+                position, skipped = generator.randrange(again), 0
+            else:
+                position, skipped = generator.randrange(reached, min(len(stages), reached + 4)), reached
+                reached = position
+            stage, duration = stages[position]
+            occurrence = [name for name, _ in stages[skipped : position + 1]].count(stage)
+            child, begun = Child(folder, arguments, cache), "start"
+            while begun is not None:
+                occurrence -= begun == stage
                 if occurrence == 0:
                     break
-                stage = child.stage()
-            if stage is None:  # a stage that the folder does not need any more
-                assert child.wait() == 0, child.errors.read_text()
+                begun = child.stage()
+            number = end(child, generator, generator.uniform(0, 1.1 * duration)) if begun else child.wait()
+            if not number:
+                assert child.code == 0, child.errors.read_text()
                 break
-            number = end(child, generator, generator.uniform(0, 1.1 * duration))
-            if number is None:
-                break
-            remaining -= 1
-            ended.append((chosen, number.name))
+            ended.append((stage, number.name))
+        child = Child(folder, arguments, cache)
+        while child.stage() is not None:
+            pass
+        assert child.wait() == 0, child.errors.read_text()
     return ended
 
 
