@@ -48,13 +48,9 @@ def estimates(config: Config) -> dict[str, int]:
     """
     needed = {}
     if config.scenes == ROOMS:
-        rooms = len(ROOM_TYPES) * config.scene.training_per_type
-        states = rooms * (20 * 4 if config.scene.size == "tiny" else LARGEST_ROOM // 2)
         if needs_features(config):
-            needed["scene.training_per_type: features"] = states * N_FEATURES * COPIES * FLOAT32
-        if config.agent == "map":
-            needed["scene.training_per_type: views"] = states * VIEW**2 * 3
-        # Views of other sizes are in memory for one room at a time.
+            needed["scene.training_per_type: features"] = _training_states(config) * N_FEATURES * COPIES * FLOAT32
+        # Views are in memory for one room at a time.
         needed["scene.image_size: the views of a room"] = LARGEST_ROOM * config.scene.image_size**2 * 3
     needed |= _training_steps(config).get(config.agent, {})
     if {"elm-irl", "relm-irl"} & set(config.chosen_methods()):
@@ -63,6 +59,14 @@ def estimates(config: Config) -> dict[str, int]:
             config.elm.hidden * min(config.elm.pairs, config.elm.hidden) * MATRICES * FLOAT64
         )
     return needed
+
+
+def _training_states(config: Config) -> int:
+    """States of all training scenes, if they are built-in rooms."""
+    if config.scenes != ROOMS:
+        return 0
+    rooms = len(ROOM_TYPES) * config.scene.training_per_type
+    return rooms * (20 * 4 if config.scene.size == "tiny" else LARGEST_ROOM // 2)
 
 
 def _training_steps(config: Config) -> dict[str, dict[str, int]]:
@@ -79,4 +83,5 @@ def _training_steps(config: Config) -> dict[str, dict[str, int]]:
             "metric.states, metric.goals and metric.groups: a training step": pairs * ACTIVATIONS * FLOAT32,
             "metric.workers and metric.t_max: a training step": metric.workers * metric.t_max * ACTIVATIONS * FLOAT32,
         },
+        "map": {"scene.training_per_type: views of the mapping agent": _training_states(config) * VIEW**2 * 3},
     }
