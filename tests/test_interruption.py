@@ -56,8 +56,16 @@ def alive(number):
     return True
 
 
-@pytest.mark.parametrize("where", ["python", "deferred", "finaliser", "library"])
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    ("where", "number"),
+    [
+        ("python", signal.SIGINT),
+        ("python", signal.SIGTERM),
+        ("deferred", signal.SIGTERM),
+        ("finaliser", signal.SIGINT),
+        ("library", signal.SIGTERM),
+    ],
+)
 def test_an_interrupted_process_ends_in_time_and_says_how_to_continue(tmp_path, where, number):
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "cwd": tmp_path}
     with subprocess.Popen([sys.executable, "-c", SCRIPT, where], **pipes) as process:

@@ -66,8 +66,9 @@ def test_the_same_seed_gives_the_same_results(first, folder):
     succeed(folder, "train", "--config", str(EXPERIMENT), "--run", "two", *QUICK, "--methods", "relm-irl")
     one, two = (json.loads((folder / run / "results.json").read_text())["rows"] for run in ("one", "two"))
     assert two == [row for row in one if row["method"] == "relm-irl"]
-    weights = [(folder / run / "agents" / "relm-irl-seed-0.safetensors").read_bytes() for run in ("one", "two")]
-    assert weights[0] == weights[1]
+    files = ("agents/relm-irl-seed-0.safetensors", "curves/relm-irl-seed-0.csv", "rewards/seed-0/relm-irl.safetensors")
+    for name in files:
+        assert (folder / "one" / name).read_bytes() == (folder / "two" / name).read_bytes(), name
 
 
 def test_a_finished_run_is_evaluated_without_training(first, folder):

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
+from jaxtyping import UInt8
 
 from relm_irl_jax.config import Config
 from relm_irl_jax.features.cache import encode_scene
@@ -79,7 +80,7 @@ def _encode_unseen(source: str, settings: SceneSettings, training: EncodedScenes
     return [_encoded(load, training.encoder) for load in loaders]
 
 
-def _evenly_spaced(views: Views, count: int) -> Views:
+def _evenly_spaced(views: Views, count: int) -> UInt8[np.ndarray, "chosen height width 3"]:
     """A few views, without keeping the others in memory."""
     return views[:: max(1, len(views) // count)][:count].copy()
 
