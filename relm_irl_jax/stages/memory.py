@@ -1,12 +1,14 @@
 """Estimate of the memory that a run needs, so that absurd settings are refused before the work."""
 
+from collections.abc import Sequence
+
 from relm_irl_jax.agents.map.network import VIEW
 from relm_irl_jax.config import Config
 from relm_irl_jax.features.resnet import N_FEATURES
 from relm_irl_jax.hardware import require_memory
-from relm_irl_jax.scenes.scene import ROOM_TYPES
+from relm_irl_jax.scenes.scene import ROOM_TYPES, Scene
 from relm_irl_jax.scenes.selection import ROOMS
-from relm_irl_jax.stages.make_agent import needs_features
+from relm_irl_jax.stages.make_agent import make_agent, needs_features
 
 LARGEST_ROOM = 876
 """Most states of a built-in room."""
@@ -16,6 +18,9 @@ FLOAT32, FLOAT64 = 4, 8
 
 COPIES = 3
 """Arrays of the size of all features: as encoded, standardised, and on the device."""
+
+COST_TABLES = 8
+"""Arrays of costs of every state for every goal while costs to go are computed, one for each action among them."""
 
 ACTIVATIONS = 4
 """Arrays of a training step with one row of a layer's width for each frame: three layers and a gradient."""
@@ -35,6 +40,23 @@ def check_memory(config: Config) -> None:
     """
     for what, needed in estimates(config).items():
         require_memory(needed, what)
+
+
+def check_goals_memory(config: Config, scenes: Sequence[Scene]) -> None:
+    """Refuse scenes that are too large for an agent that learns the costs of every state for every goal.
+
+    Args:
+        config: the configuration.
+        scenes: the training scenes.
+
+    Raises:
+        InputError: the costs need more memory than is available.
+    """
+    if "goals" not in make_agent(config, "rl").requires:
+        return
+    largest = max(scene.n_states for scene in scenes)
+    needed = len(scenes) * largest**2 * COST_TABLES * FLOAT32
+    require_memory(needed, f"training the {config.agent} agent on {largest:,} states of a scene and as many goals")
 
 
 def estimates(config: Config) -> dict[str, int]:

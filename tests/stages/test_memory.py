@@ -15,7 +15,7 @@ from relm_irl_jax.features.encoder import Encoder
 from relm_irl_jax.scenes import scene_file, selection
 from relm_irl_jax.scenes.scene_file import load_scene, save_scene
 from relm_irl_jax.stages import encoding
-from relm_irl_jax.stages.memory import check_memory, estimates
+from relm_irl_jax.stages.memory import check_goals_memory, check_memory, estimates
 
 CONFIG = Config()
 
@@ -46,6 +46,17 @@ def test_absurd_sizes_are_refused_with_the_estimate(config, said, tmp_path, monk
     with pytest.raises(InputError, match="GB"):
         pipeline.run(replace(config, run=tmp_path / "run"))
     assert not (tmp_path / "run").exists()
+
+
+def test_a_large_scene_is_refused_for_agents_that_learn_from_goals(monkeypatch):
+    scenes = [grid_scene(2, 2), grid_scene(5, 5)]
+    monkeypatch.setattr(hardware, "available_memory", lambda: 2 * 100**2 * 8 * 4 - 1)
+    for agent in ("metric", "map"):
+        config = replace(CONFIG, agent=agent, map=replace(CONFIG.map, weights="train"), scenes="a folder")
+        with pytest.raises(InputError, match=f"training the {agent} agent on 100 states of a scene .* needs about"):
+            check_goals_memory(config, scenes)
+        check_goals_memory(config, scenes[:1])
+    check_goals_memory(CONFIG, scenes)
 
 
 def test_a_scene_that_does_not_fit_is_refused(tmp_path, monkeypatch):
