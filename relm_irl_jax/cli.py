@@ -15,7 +15,7 @@ from rich.console import Console
 from relm_irl_jax import __version__
 from relm_irl_jax.bounds import ImageSize, NonNegativeInt, PositiveInt, Seed
 from relm_irl_jax.config import Config, Method, Task, load_config
-from relm_irl_jax.errors import DivergenceError, InputError, first_fault, system_fault
+from relm_irl_jax.errors import DivergenceError, InputError, first_fault, printable, system_fault
 from relm_irl_jax.files import ensure_writable
 from relm_irl_jax.interruption import Resume
 from relm_irl_jax.pipeline import evaluate_run, run
@@ -176,8 +176,9 @@ def main() -> None:
 
 
 def _exit_with_error(message: str, code: int = 2) -> None:
-    # Paths need not be UTF-8.
-    print(f"relm-irl: {message}".encode(errors="backslashreplace").decode(), file=sys.stderr)
+    # Paths need not be UTF-8; `scenes check` has one line for each fault.
+    lines = (printable(line) for line in f"relm-irl: {message}".split("\n"))
+    print("\n".join(lines).encode(errors="backslashreplace").decode(), file=sys.stderr)
     sys.exit(code)
 
 

@@ -100,6 +100,14 @@ def test_there_are_numbers():
     assert len(NUMBERS) > 45
 
 
+def test_names_of_unknown_fields_are_text(tmp_path):
+    fields = {"metric": {"learning\n_rate": 1.0}, "\x1b[31mred\u2028": {}}
+    for name, value in fields.items():
+        with pytest.raises(InputError, match="unknown field") as refusal:
+            config_from_dict({name: value}, "c.json")
+        assert str(refusal.value).isprintable()
+
+
 def test_options_without_a_value_are_refused(tmp_path):
     for option in ("--methods", "--frames", "--elm.hidden"):
         code, _, said = relm_irl(tmp_path, "train", option)

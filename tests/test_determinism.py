@@ -38,22 +38,17 @@ def usual(work):
     return files_of_a_run(work / "usual", PYTHONHASHSEED="1")
 
 
-def test_cores_caches_and_hashes_change_nothing(work, usual):
-    one_core = ("taskset", "-c", str(min(os.sched_getaffinity(0)))) if shutil.which("taskset") else ()
-    found = files_of_a_run(
-        work / "other",
-        one_core,
-        PYTHONHASHSEED="2",
-        OPENBLAS_NUM_THREADS="1",
-        JAX_COMPILATION_CACHE_DIR=str(work / "programs"),
-    )
+def test_caches_and_hashes_change_nothing(work, usual):
+    other = {"PYTHONHASHSEED": "2", "JAX_COMPILATION_CACHE_DIR": str(work / "programs")}
+    found = files_of_a_run(work / "other", **other)
     assert set(found) == set(usual)
     assert [name for name, content in usual.items() if found[name] != content] == []
 
 
-def test_the_number_of_devices_changes_trained_agents_alone(work, usual):
-    """Gradients are averaged over the devices, in another order. Targets and learned rewards are computed by one."""
-    found = files_of_a_run(work / "devices", XLA_FLAGS="--xla_force_host_platform_device_count=2")
+def test_cores_and_devices_change_trained_agents_but_not_learned_rewards(work, usual):
+    """Gradients are sums over workers, in another order. Features in files are given, and the rest is one by one."""
+    one_core = ("taskset", "-c", str(min(os.sched_getaffinity(0)))) if shutil.which("taskset") else ()
+    found = files_of_a_run(work / "devices", one_core, XLA_FLAGS="--xla_force_host_platform_device_count=2")
     assert set(found) == set(usual)
     changed = {name for name, content in usual.items() if found[name] != content}
     assert "agents/relm-irl-seed-0.safetensors" in changed
