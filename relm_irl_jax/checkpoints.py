@@ -4,6 +4,8 @@ Orbax writes them atomically in the background, and keeps the last one. A checkp
 learning curve so far and the configuration. `relm_irl_jax.parameters` saves the final network.
 """
 
+import hashlib
+import json
 import logging
 import sys
 from collections.abc import Iterator
@@ -69,13 +71,13 @@ class Checkpoints:
             state: the state of the training.
             rows: the rows of all chunks so far.
         """
-        args = _orbax().args
+        args, leaves = _orbax().args, _leaves(state)
         with self._writing():
             self._manager().save(
                 len(rows),
                 args=args.Composite(
-                    state=args.StandardSave(_leaves(state)),
-                    rows=args.JsonSave(list(rows)),
+                    state=args.StandardSave(leaves),
+                    rows=args.JsonSave({"rows": list(rows), "sha256": _checksum(leaves, rows)}),
                     config=args.JsonSave(config_to_dict(self.config)),
                 ),
             )
@@ -115,6 +117,9 @@ class Checkpoints:
                     ),
                 )
             saved_config = config_from_dict(restored.config, str(self.path))
+            rows = restored.rows["rows"]
+            if restored.rows["sha256"] != _checksum(restored.state, rows):
+                raise ValueError("it does not match its checksum")
         except Exception as error:  # damaged files cause many kinds of exceptions
             reason = shorten(str(error) or type(error).__name__, 60, placeholder=" …")
             # The filter stays: unfinished reads raise further errors when they are garbage-collected.
@@ -122,7 +127,7 @@ class Checkpoints:
         sys.unraisablehook = hook
         if trained_part(saved_config) != trained_part(self.config):
             raise InputError(f"{self.path}: the checkpoint belongs to another configuration.")
-        return _state(like, restored.state), restored.rows
+        return _state(like, restored.state), rows
 
     def remove(self) -> None:
         """Remove the folder, and its parent folder if that is then empty."""
@@ -140,8 +145,8 @@ class Checkpoints:
 
 def _orbax() -> Any:
     """Import Orbax, which is slow and only needed by trainings."""
-    # Suppresses warnings about slow disks.
-    logging.getLogger("absl").setLevel(logging.ERROR)
+    # Suppresses warnings about slow disks, and errors that are raised, too.
+    logging.getLogger("absl").setLevel(logging.CRITICAL)
     return import_module("orbax.checkpoint")
 
 
@@ -152,6 +157,14 @@ def _is_key(array: jax.Array) -> bool:
 def _leaves(state: Any) -> list[jax.Array]:
     """The arrays of a state; random keys as integer arrays."""
     return [jax.random.key_data(x) if _is_key(x) else x for x in jax.tree.leaves(state)]
+
+
+def _checksum(leaves: list[jax.Array], rows: list[Row]) -> str:
+    """Checksum of a state and its rows: a flipped bit is not always noticed by Orbax."""
+    digest = hashlib.sha256(json.dumps(rows, sort_keys=True).encode())
+    for leaf in leaves:
+        digest.update(f"{leaf.dtype} {leaf.shape}".encode() + np.asarray(leaf).tobytes())
+    return digest.hexdigest()
 
 
 def _state(like: Any, leaves: list[jax.Array]) -> Any:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import ValidationError
 
-from relm_irl_jax.errors import DivergenceError, InputError, first_fault, system_fault
+from relm_irl_jax.errors import DivergenceError, InputError, first_fault, printable, system_fault
 from relm_irl_jax.files import ensure_writable
 from relm_irl_jax.help_pages import COMMANDS, overview, train_help
 from relm_irl_jax.interruption import Resume
@@ -89,8 +89,9 @@ def main() -> None:
 
 
 def _exit_with_error(message: str, code: int = 2) -> None:
-    # Paths need not be UTF-8.
-    print(f"relm-irl: {message}".encode(errors="backslashreplace").decode(), file=sys.stderr)
+    # Paths need not be UTF-8; `scenes check` has one line for each fault.
+    lines = (printable(line) for line in f"relm-irl: {message}".split("\n"))
+    print("\n".join(lines).encode(errors="backslashreplace").decode(), file=sys.stderr)
     sys.exit(code)
 
 

@@ -35,7 +35,7 @@ def first_fault(error: ValidationError, settings: Any = None) -> str:
     """
     faults = error.errors(include_url=False)
     fault = next((fault for fault in faults if fault["type"] == "unexpected_keyword_argument"), faults[0])
-    path = tuple(str(part) for part in fault["loc"])
+    path = tuple(printable(str(part)) for part in fault["loc"])
     field = ".".join(path)
     if fault["type"] == "unexpected_keyword_argument":
         return f"unknown field `{field}`{_suggestion(path, settings)}."
@@ -45,6 +45,18 @@ def first_fault(error: ValidationError, settings: Any = None) -> str:
         return f"{field} is missing."
     reason = f"{fault['msg'][:1].lower()}{fault['msg'][1:]}."
     return f"{field} = {fault['input']!r} is refused: {reason}" if field else reason
+
+
+def printable(text: str) -> str:
+    """Text of a file with its line breaks and other control characters escaped, for messages.
+
+    Args:
+        text: the text.
+
+    Returns:
+        One line that cannot control a terminal.
+    """
+    return "".join(c if c.isprintable() else c.encode("unicode_escape", "replace").decode() for c in text)
 
 
 def first_line(error: BaseException) -> str:

@@ -19,7 +19,7 @@ from relm_irl_jax.stages.encoding import EncodedScenes, encode_training
 from relm_irl_jax.stages.episodes import AgentChoice, save_shown_episodes
 from relm_irl_jax.stages.evaluation import evaluate_task
 from relm_irl_jax.stages.make_agent import check_agent
-from relm_irl_jax.stages.memory import check_memory
+from relm_irl_jax.stages.memory import check_goals_memory, check_memory
 from relm_irl_jax.stages.own_policies import OwnPolicy, check_name, enter, evaluate_own_policy
 from relm_irl_jax.stages.rewards import learn, save_rewards
 from relm_irl_jax.stages.training import SeedInputs, train_jointly, train_method, trains_jointly
@@ -77,6 +77,7 @@ def _run_stages(
     if encoded is None:
         with stopwatch("scenes and features"):
             encoded = encode_training(config)
+    check_goals_memory(config, encoded.scenes)
     joint: dict[Method, list[SeedInputs]] = {}
     for seed in range(config.seeds):
         split = draw_split(encoded.scenes, (), config.tasks, seed)

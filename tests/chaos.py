@@ -16,18 +16,22 @@ import tempfile
 import time
 from collections import Counter
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "tests"))
 
 import conftest  # noqa: E402, F401  keeps compiled programs
+import numpy as np  # noqa: E402
+from builders import grid_scene, labelled  # noqa: E402
 from command import EXPERIMENT, QUICK  # noqa: E402
 
 from relm_irl_jax import hardware, pipeline  # noqa: E402
 from relm_irl_jax.__main__ import main as relm_irl  # noqa: E402
 from relm_irl_jax.play import animation  # noqa: E402, F401
 from relm_irl_jax.run_folder import RunFolder  # noqa: E402
+from relm_irl_jax.scenes.scene_file import save_scene  # noqa: E402
 
 SECONDS_TO_END = 5.0
 """Seconds within which an interrupted process must end."""
@@ -36,13 +40,31 @@ TIMED = ("hardware.json", "report.md", "report.html")
 """Files that contain durations; the report is compared without its lines of durations."""
 
 
-def commands(seeds, methods):
-    train = ("train", "--config", str(EXPERIMENT), "--run", "run", *QUICK, "--log.checkpoint-minutes", "0")
-    return (
-        (*train, "--frames", "6144", "--seeds", str(seeds), "--methods", *methods),
-        ("evaluate", "run", "--task", "I"),
-        ("report", "run"),
-    )
+TRAIN = ("train", "--config", str(EXPERIMENT), "--run", "run", *QUICK, "--log.checkpoint-minutes", "0")
+LEARNED = ("--frames", "6144", "--seeds", "2", "--methods", "rl", "irl", "relm-irl")
+IN_FOLDER = ("--scenes", "../scenes", "--irl.processes", "1", "--irl.dimension", "8")
+THEN = (("evaluate", "run", "--task", "I"), ("report", "run"))
+
+SETUPS = {
+    "rooms": ((*TRAIN, *LEARNED), *THEN),
+    "folder": ((*TRAIN, *LEARNED, *IN_FOLDER), *THEN),
+    "metric": ((*TRAIN, *IN_FOLDER, "--frames", "6144", "--agent", "metric", "--methods", "rl"), *THEN),
+    "quick": ((*TRAIN, *IN_FOLDER, "--frames", "3072", "--methods", "rl"),),
+}
+"""Commands that are ended. In a folder of scenes with features, a moment costs less: nothing is encoded."""
+
+SHARES = {"rooms": 1, "folder": 2, "metric": 1}
+"""How many of the cases have which commands, unless they are named."""
+
+
+def save_scenes(folder):
+    """Two training scenes of each room type, with features."""
+    generator = np.random.default_rng(0)
+    for name in ("bathroom-0", "bathroom-1", "bedroom-0", "bedroom-1", "living_room-0", "living_room-1"):
+        features = generator.normal(size=(36, 12)).astype(np.float32)
+        views = generator.integers(0, 256, (36, 8, 8, 3), dtype=np.uint8)
+        scene = replace(grid_scene(3, 3, name=name, features=features), observation=views)
+        save_scene(labelled(scene, 6, generator), folder / f"{name}.h5")
 
 
 class Child:
@@ -214,52 +236,76 @@ def wait_for_group(group, seconds=5.0):
     raise AssertionError("a process was left")
 
 
-def chaos(kills, seed, methods, seeds, work):
-    """End processes at many moments; the number of endings by stage and signal."""
-    generator = random.Random(seed)
-    all_commands = commands(seeds, methods)
+class Uninterrupted:
+    """The results of commands that are not interrupted, and how long their stages take."""
+
+    def __init__(self, setup, work, cache):
+        self.commands = SETUPS[setup]
+        if setup != "quick":
+            uninterrupted(work / f"{setup}-first", self.commands, cache)  # compiles, renders and encodes
+        self.stages = uninterrupted(work / f"{setup}-reference", self.commands, cache)
+        self.files = contents(work / f"{setup}-reference" / "run")
+
+
+def interrupted(folder, reference, generator, cache, kills):
+    """Run commands in a folder, and end them at most `kills` times; the stages and signals."""
+    ended = []
+    for arguments, stages in zip(reference.commands, reference.stages, strict=True):
+        trains = arguments[0] == "train"
+        # A training that is continued prepares its scenes again, and goes on with the stage in which it was ended.
+        again = 2 if trains else len(stages)
+        reached = again
+        for _ in range(generator.randint(4, 12) if trains else generator.randint(0, 3)):
+            if len(ended) == kills:
+                break
+            if not trains or generator.random() < 0.15:
+                position, skipped = generator.randrange(again), 0
+            else:
+                position, skipped = generator.randrange(reached, min(len(stages), reached + 4)), reached
+                reached = position
+            stage, duration = stages[position]
+            occurrence = [name for name, _ in stages[skipped : position + 1]].count(stage)
+            child, begun = Child(folder, arguments, cache), "start"
+            while begun is not None:
+                occurrence -= begun == stage
+                if occurrence == 0:
+                    break
+                begun = child.stage()
+            number = end(child, generator, generator.uniform(0, 1.1 * duration)) if begun else child.wait()
+            if not number:
+                assert child.code == 0, child.errors.read_text()
+                break
+            ended.append((stage, number.name))
+        child = Child(folder, arguments, cache)
+        while child.stage() is not None:
+            pass
+        assert child.wait() == 0, child.errors.read_text()
+    return ended
+
+
+def chaos(kills, seed, setups, work):
+    """End processes at many moments; the number of endings by setup, stage and signal, and of cases."""
+    generator, references = random.Random(seed), {}
+    save_scenes(work / "scenes")
     warm = work / "cache"
-    uninterrupted(work / "first", all_commands, warm)  # compiles, renders and encodes
-    stages = uninterrupted(work / "reference", all_commands, warm)
-    expected = contents(work / "reference" / "run")
     counts, case = Counter(), 0
-    while sum(counts.values()) < kills:
+    while counts.total() < kills:
+        setup = setups[case % len(setups)]
+        if setup not in references:
+            references[setup] = Uninterrupted(setup, work, warm)
+        expected = references[setup].files
         case += 1
         folder = work / f"case-{case}"
         folder.mkdir()
         cache = folder / "cache" if generator.random() < 0.15 else warm
-        for arguments, of_command in zip(all_commands, stages, strict=True):
-            remaining = generator.randint(1, 5) if arguments[0] == "train" else generator.randint(0, 1)
-            while True:
-                child = Child(folder, arguments, cache)
-                if remaining == 0 or sum(counts.values()) >= kills:
-                    while child.stage() is not None:
-                        pass
-                    assert child.wait() == 0, child.errors.read_text()
-                    break
-                position = generator.randrange(len(of_command))
-                chosen, duration = of_command[position]
-                occurrence = [stage for stage, _ in of_command[: position + 1]].count(chosen)
-                stage = "start"
-                while stage is not None:
-                    occurrence -= stage == chosen
-                    if occurrence == 0:
-                        break
-                    stage = child.stage()
-                if stage is None:  # a stage that the folder does not need any more
-                    assert child.wait() == 0, child.errors.read_text()
-                    break
-                number = end(child, generator, generator.uniform(0, 1.1 * duration))
-                if number is None:
-                    break
-                remaining -= 1
-                counts[chosen, number.name] += 1
+        ended = interrupted(folder, references[setup], generator, cache, kills - counts.total())
+        counts.update((setup, stage, number) for stage, number in ended)
         found = contents(folder / "run")
         assert set(found) == set(expected), set(found) ^ set(expected)
         for name, content in expected.items():
             assert found[name] == content, f"case {case}: {name} differs"
         assert not RunFolder(folder / "run").finished_checkpoints()
-        print(f"case {case}: {sum(counts.values())} ended, results equal", flush=True)
+        print(f"case {case} ({setup}): {counts.total()} ended, results equal", flush=True)
         shutil.rmtree(folder)
     return counts, case
 
@@ -268,19 +314,15 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--kills", type=int, default=100)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--seeds", type=int, default=2)
-    parser.add_argument("--methods", nargs="+", default=["rl", "irl", "relm-irl"])
+    parser.add_argument("--setups", nargs="+", choices=SETUPS, default=[s for s, n in SHARES.items() for _ in range(n)])
     options = parser.parse_args()
     began = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="chaos-") as work:
-        counts, cases = chaos(options.kills, options.seed, options.methods, options.seeds, Path(work))
-    by_stage = Counter()
-    for (stage, number), count in counts.items():
-        by_stage[stage] += count
-        by_stage[number] += count
-    print(json.dumps(dict(by_stage)))
+        counts, cases = chaos(options.kills, options.seed, options.setups, Path(work))
+    for position in range(3):
+        print(json.dumps(Counter(what[position] for what in counts.elements())))
     print(
-        f"{sum(counts.values())} processes ended in {cases} runs, all results equal bit for bit "
+        f"{counts.total()} processes ended in {cases} runs, all results equal bit for bit "
         f"({time.monotonic() - began:.0f} s)"
     )
 

@@ -30,12 +30,16 @@ sys.path.insert(0, str(ROOT / "tests"))
 
 import conftest  # noqa: E402, F401
 import h5py  # noqa: E402
+import jax  # noqa: E402
+import jax.numpy as jnp  # noqa: E402
 import numpy as np  # noqa: E402
 from builders import grid_scene, labelled  # noqa: E402
 from run_folders import CONFIG, HARDWARE, episode, results, row, state_map, write_curve  # noqa: E402
 from safetensors.numpy import load, save  # noqa: E402
 
 from relm_irl_jax import cli  # noqa: E402
+from relm_irl_jax.agents.map import weights as map_weights  # noqa: E402
+from relm_irl_jax.checkpoints import Checkpoints  # noqa: E402
 from relm_irl_jax.config import Config, config_to_dict, load_config  # noqa: E402
 from relm_irl_jax.demonstrations import load_demonstrations  # noqa: E402
 from relm_irl_jax.elm import ELMRegressor, load_elm, save_elm  # noqa: E402
@@ -157,7 +161,9 @@ def changed_arrays(generator, arrays):
             arrays[name] = array.astype(kind)
     elif fate == 4 and array.size and array.dtype.kind == "f":
         arrays[name] = array.copy()
-        arrays[name].flat[generator.randrange(array.size)] = generator.choice((np.nan, np.inf, -np.inf, 1e30))
+        with np.errstate(over="ignore"):
+            odd = np.asarray(generator.choice((np.nan, np.inf, -np.inf, 1e30))).astype(array.dtype)
+        arrays[name].flat[generator.randrange(array.size)] = odd
     else:
         arrays[name] = array[None] if generator.random() < 0.5 else array.T
     return arrays
@@ -216,12 +222,79 @@ def toml_of(values, prefix=""):
     return lines
 
 
+def save_map_weights(path):
+    """A small file in the form of the mapping agent's weights."""
+    map_weights.save_weights(path, small_map_parameters(), {"rooms": "three", "status": "made up"})
+
+
+def small_map_parameters(network=None):
+    return {
+        "network": {"params": {"a": {"kernel": jnp.ones((3, 2))}}},
+        "prior": {"free": jnp.ones(4), "scale": jnp.ones(())},
+    }
+
+
+def read_map_weights(path):
+    with mock.patch.object(map_weights, "initial_parameters", small_map_parameters):
+        parameters, _ = map_weights.load_weights(path)
+    if not all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(parameters)):
+        raise AssertionError("loaded with numbers that are not finite")
+
+
+def training_state():
+    """What a checkpoint holds: arrays of several types and a random key; rows of the learning curve."""
+    rows = [{"frames": 100.0, "loss": 0.25}, {"frames": 200.0, "loss": 0.125}]
+    return {"a": jnp.arange(60.0).reshape(6, 10), "b": (jnp.int32(3), jax.random.key(0))}, rows
+
+
+def save_checkpoint(path):
+    """All files of a checkpoint as one JSON object."""
+    with tempfile.TemporaryDirectory() as folder:
+        with Checkpoints(Path(folder) / "c", Config()) as checkpoints:
+            checkpoints.save(*training_state())
+        files = {
+            str(file.relative_to(folder)): base64.b64encode(file.read_bytes()).decode()
+            for file in sorted(Path(folder).rglob("*"))
+            if file.is_file()
+        }
+    path.write_text(json.dumps(files))
+
+
+def changed_files(generator, content):
+    """One of several files is changed or missing."""
+    files = json.loads(content)
+    name = generator.choice(list(files))
+    if generator.random() < 0.1:
+        del files[name]
+    else:
+        changed = changed_bytes(generator, base64.b64decode(files[name]))
+        files[name] = base64.b64encode(changed).decode()
+    return json.dumps(files).encode()
+
+
+def read_checkpoint(path):
+    state, rows = training_state()
+    with tempfile.TemporaryDirectory(dir=path.parent) as folder, contextlib.redirect_stderr(io.StringIO()):
+        for name, content in json.loads(path.read_bytes()).items():
+            file = Path(folder) / name
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_bytes(base64.b64decode(content))
+        with Checkpoints(Path(folder) / "c", Config()) as checkpoints:
+            found = checkpoints.restore(state)
+    if found is None:
+        return
+    if found[1] != rows or not jax.tree.all(jax.tree.map(lambda a, b: bool((a == b).all()), found[0], state)):
+        raise AssertionError("another state is restored")
+
+
 ARGUMENTS = (
     ["train", "--task", "II", "--methods", "rl", "irl", "--frames", "5M", "--siamese.workers", "8", "--seeds", "2"],
     ["train", "--config", "c.toml", "--run", "r", "--scenes", "rooms", "--irl.max-margin.discount", "0.9"],
     ["train", "--resume", "r", "--elm.ridge", "press", "--no-log.tensorboard"],
     ["evaluate", "r", "--task", "I"],
     ["report", "r"],
+    ["train", "--agent", "map", "--map.weights", "w.safetensors", "--map.memory", "filled", "--map.turns", "2"],
+    ["train", "--agent", "map", "--map.weights", "train", "--map.rooms", "9", "--map.best-share", "0.5"],
     ["play", "r", "--method", "irl", "--seed", "1", "--episode", "3"],
     ["play", "--keyboard", "--scene", "bathroom-0", "--target", "toilet"],
     ["scenes", "generate", "--out", "o", "--count", "2", "--size", "tiny", "--image-size", "8"],
@@ -352,6 +425,7 @@ def inputs() -> dict[str, Input]:
         f"bn1.{n}": np.ones(2, np.float32) for n in BATCH_NORM
     }
     config = json.dumps(config_to_dict(Config())).encode()
+    mapping = json.dumps(config_to_dict(Config(agent="map", methods=("rl",)).resolved())).encode()
     toml = [path.read_bytes() for path in sorted((ROOT / "experiments").glob("*.toml"))]
     toml += ["\n".join(toml_of(config_to_dict(Config()))).encode()]
     assert all(tomllib.loads(text.decode()) for text in toml)
@@ -366,7 +440,7 @@ def inputs() -> dict[str, Input]:
 
     return {
         "config.toml": Input("c.toml", toml, (changed_bytes,), load_config),
-        "config": Input("c.json", [config], both, load_config, 2),
+        "config": Input("c.json", [config, mapping], both, load_config, 2),
         "run": Input("config.json", [config], both, lambda path: find_run(path.parent)),
         "run-settings": Input("config.json", [json.dumps(CONFIG).encode()], both, folder_of(load_run_settings)),
         "arguments": Input(
@@ -389,6 +463,8 @@ def inputs() -> dict[str, Input]:
         "weights": Input(
             "w.safetensors", [written(lambda p: save_parameters(p, network), "w")], tensors, load_parameters
         ),
+        "map-weights": Input("w.safetensors", [written(save_map_weights, "w")], tensors, read_map_weights),
+        "checkpoint": Input("c.json", [written(save_checkpoint, "c")], (changed_files,), read_checkpoint, 0.2),
         "encoder": Input(
             "r.safetensors", [save(encoder)], (changed_bytes, changed_plain_tensors), read_encoder_weights
         ),

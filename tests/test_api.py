@@ -186,7 +186,7 @@ def test_a_trained_agent_is_evaluated_on_its_own_seeds():
     [
         ({"reward": "rml"}, "give one of bc, rl, irl"),
         ({"agent": "metric", "reward": distance_reward}, "plans with costs of states"),
-        ({"agent": "map", "reward": distance_reward}, "plans with costs of states"),
+        ({"agent": "map", "reward": distance_reward}, "map takes rooms or a folder"),
         ({"frames": "many"}, "frames"),
         ({"seeds": 0}, "seeds: 0 is refused"),
         ({"scenes": []}, "the list is empty"),

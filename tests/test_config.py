@@ -5,6 +5,7 @@ from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 
 import pytest
+from command import relm_irl
 
 from relm_irl_jax.config import Config, config_from_dict, config_to_dict, fingerprint, load_config
 from relm_irl_jax.errors import InputError
@@ -97,6 +98,22 @@ NUMBERS = {".".join(path): value for path, value in numeric_fields(Config())}
 def test_there_are_numbers():
     assert {"frames", "siamese.learning_rate", "elm.ridge", "manual.step", "irl.max_margin.penalty"} <= set(NUMBERS)
     assert len(NUMBERS) > 45
+
+
+def test_names_of_unknown_fields_are_text(tmp_path):
+    fields = {"metric": {"learning\n_rate": 1.0}, "\x1b[31mred\u2028": {}}
+    for name, value in fields.items():
+        with pytest.raises(InputError, match="unknown field") as refusal:
+            config_from_dict({name: value}, "c.json")
+        assert str(refusal.value).isprintable()
+
+
+def test_options_without_a_value_are_refused(tmp_path):
+    for option in ("--methods", "--frames", "--elm.hidden"):
+        code, _, said = relm_irl(tmp_path, "train", option)
+        assert code == 2
+        assert option.removeprefix("--") in said
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("name", NUMBERS)

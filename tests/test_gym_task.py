@@ -21,7 +21,7 @@ NAME = "RelmIrl/Task-v0"
 
 @pytest.fixture(scope="module")
 def split():
-    scenes = [load(CONFIG.scenes, CONFIG.scene) for load in (training_scenes, unseen_scenes)]
+    scenes = [[load() for load in choose(CONFIG.scenes, CONFIG.scene)] for choose in (training_scenes, unseen_scenes)]
     return scenes, draw_split(*scenes, CONFIG.tasks, 1)
 
 

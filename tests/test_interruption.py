@@ -22,7 +22,8 @@ Resume.run.mkdir()
 try:
     with interruptible(grace=0.5):
         child = subprocess.Popen(["sleep", "60"])
-        print(child.pid, flush=True)
+        if sys.argv[1] != "deferred":
+            print(child.pid, flush=True)
         if sys.argv[1] == "python":
             time.sleep(60)
         elif sys.argv[1] == "finaliser":
@@ -34,6 +35,7 @@ try:
             time.sleep(60)
         elif sys.argv[1] == "deferred":
             with deferred():
+                print(child.pid, flush=True)
                 end = time.monotonic() + 0.2
                 while time.monotonic() < end:
                     time.sleep(0.01)
@@ -54,8 +56,16 @@ def alive(number):
     return True
 
 
-@pytest.mark.parametrize("where", ["python", "deferred", "finaliser", "library"])
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    ("where", "number"),
+    [
+        ("python", signal.SIGINT),
+        ("python", signal.SIGTERM),
+        ("deferred", signal.SIGTERM),
+        ("finaliser", signal.SIGINT),
+        ("library", signal.SIGTERM),
+    ],
+)
 def test_an_interrupted_process_ends_in_time_and_says_how_to_continue(tmp_path, where, number):
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "cwd": tmp_path}
     with subprocess.Popen([sys.executable, "-c", SCRIPT, where], **pipes) as process:

@@ -69,8 +69,9 @@ def test_the_same_seed_gives_the_same_results(first, folder):
     succeed(folder, "train", "--config", str(EXPERIMENT), "--run", "two", *QUICK, "--methods", "relm-irl")
     one, two = (json.loads((folder / run / "results.json").read_text())["rows"] for run in ("one", "two"))
     assert two == [row for row in one if row["method"] == "relm-irl"]
-    weights = [(folder / run / "agents" / "relm-irl-seed-0.safetensors").read_bytes() for run in ("one", "two")]
-    assert weights[0] == weights[1]
+    files = ("agents/relm-irl-seed-0.safetensors", "curves/relm-irl-seed-0.csv", "rewards/seed-0/relm-irl.safetensors")
+    for name in files:
+        assert (folder / "one" / name).read_bytes() == (folder / "two" / name).read_bytes(), name
 
 
 def test_a_finished_run_is_evaluated_without_training(first, folder):
@@ -235,7 +236,8 @@ def test_demonstrations_of_a_run_are_written_and_read_again(first, folder, optio
     out, _ = succeed(folder, "demonstrations", "one", "--out", "walks.jsonl", *options)
     lines = [json.loads(line) for line in (folder / "walks.jsonl").read_text().splitlines()]
     assert f"{len(lines)} demonstrations" in out
-    scenes = training_scenes("rooms", load_config(folder / "one" / "config.json").scene, views=False)
+    settings = load_config(folder / "one" / "config.json").scene
+    scenes = [load(views=False) for load in training_scenes("rooms", settings)]
     read = load_demonstrations_by_scene(folder / "walks.jsonl", scenes)  # refuses what the scenes do not allow
     assert sum(map(len, read)) == len(lines)
     if not options:

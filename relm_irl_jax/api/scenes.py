@@ -33,7 +33,8 @@ def rooms(*names: str, size: Literal["full", "tiny"] = "full", image_size: int =
         InputError: a name is not one of a room.
     """
     if not names:
-        return training_scenes(ROOMS, replace(DEFAULT.scene, size=size, image_size=image_size))
+        settings = replace(DEFAULT.scene, size=size, image_size=image_size)
+        return [load() for load in training_scenes(ROOMS, settings)]
     parts = [name.rpartition("-") for name in names]
     for name, (room_type, _, number) in zip(names, parts, strict=True):
         if room_type not in ROOM_TYPES or not number.isdecimal():

@@ -10,7 +10,7 @@ import numpy as np
 from relm_irl_jax.api.scenes import Scenes
 from relm_irl_jax.config import Config
 from relm_irl_jax.scenes.scene import Scene
-from relm_irl_jax.scenes.selection import check_scenes_setting, training_scenes, unseen_scenes
+from relm_irl_jax.scenes.selection import check_scenes_setting, loader, training_scenes, unseen_scenes
 from relm_irl_jax.stages.encoding import EncodedScenes, encode_more, encode_scenes, encode_training
 from relm_irl_jax.stages.worlds import EvaluationTask, evaluation_task
 from relm_irl_jax.transitions import Observed
@@ -36,7 +36,7 @@ class Setting:
         """Scenes and targets of a task for one seed."""
         unseen = None
         if self.unseen is not None and name == "III":
-            unseen = encode_more(self.training, list(self.unseen))
+            unseen = encode_more(self.training, [loader(scene) for scene in self.unseen])
         return evaluation_task(self.config, self.training, name, seed, unseen)
 
     def observed(self, task: EvaluationTask, obs: Observed) -> list[np.ndarray]:
@@ -46,7 +46,7 @@ class Setting:
         given = self.unseen if task.name == "III" else self.scenes
         if given is None:
             load = unseen_scenes if task.name == "III" else training_scenes
-            given = load(self.config.scenes, self.config.scene)
+            given = [each() for each in load(self.config.scenes, self.config.scene)]
         views = {scene.name: scene.views for scene in given}
         return [views[scene.name] for scene in task.scenes]
 
@@ -65,7 +65,9 @@ def prepare(scenes: Scenes, config: Config, unseen: Sequence[Scene] | None = Non
     if isinstance(scenes, str | Path):
         check_scenes_setting(config.scenes)
         return Setting(config, _encoded(config), None, unseen)
-    return Setting(config, encode_scenes(config, list(scenes)), scenes, unseen if unseen is not None else [])
+    return Setting(
+        config, encode_scenes(config, [loader(scene) for scene in scenes]), scenes, unseen if unseen is not None else []
+    )
 
 
 @lru_cache(maxsize=1)

@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 import jax
@@ -120,6 +121,8 @@ def train(
         raise InputError("config: siamese.observe_reward needs a run folder; use `relm-irl train`.")
     if isinstance(agent, str):
         check_agent(settings, ("I",))
+    if agent == "map" and not isinstance(scenes, str | Path):
+        raise InputError("agent: map takes rooms or a folder of scene files, not a list of scenes.")
     learner = make_agent(settings, method) if isinstance(agent, str) else agent
     if callable(reward) and (learner.name == "map" or "goals" in learner.requires):
         raise InputError(

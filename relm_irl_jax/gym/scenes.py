@@ -15,7 +15,7 @@ from relm_irl_jax.scenes.objects import best_views
 from relm_irl_jax.scenes.rooms.cache import built_in_room
 from relm_irl_jax.scenes.scene import ROOM_TYPES, Scene
 from relm_irl_jax.scenes.scene_file import load_scene
-from relm_irl_jax.scenes.selection import SceneSettings, check_scenes_setting, training_scenes, unseen_scenes
+from relm_irl_jax.scenes.selection import SceneSettings, check_scenes_setting, loader, training_scenes, unseen_scenes
 from relm_irl_jax.tasks import Target, draw_split
 
 if TYPE_CHECKING:
@@ -152,8 +152,8 @@ class TaskScenes:
             return _encoded_unseen(config) if unseen else _encoded_training(config).scenes
         from relm_irl_jax.stages.encoding import encode_more, encode_scenes  # loads JAX
 
-        training = encode_scenes(self.config, list(self.training))
-        return encode_more(training, list(self.unseen or ())) if unseen else training.scenes
+        training = encode_scenes(self.config, [loader(scene) for scene in self.training])
+        return encode_more(training, [loader(scene) for scene in self.unseen or ()]) if unseen else training.scenes
 
     def pictured(self, *, unseen: bool) -> list[Scene]:
         """Training or unseen scenes, with views."""
@@ -219,4 +219,4 @@ def _encoded_unseen(config: Config) -> list[Scene]:
 
 @lru_cache(maxsize=2)
 def _loaded(scenes: str, settings: SceneSettings, unseen: bool) -> list[Scene]:
-    return (unseen_scenes if unseen else training_scenes)(scenes, settings)
+    return [load() for load in (unseen_scenes if unseen else training_scenes)(scenes, settings)]

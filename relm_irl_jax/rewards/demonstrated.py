@@ -26,6 +26,9 @@ from relm_irl_jax.rewards.settings import IrlSettings
 from relm_irl_jax.scenes.scene import Scene, successors
 from relm_irl_jax.tasks import Target, TaskSplit
 
+EXPERTS_IN_MEMORY = 30_000_000
+"""Most states, over all problems, whose expert is in memory at once: an expert takes 16 bytes a state."""
+
 
 @dataclass(frozen=True)
 class DemonstratedReward:
@@ -153,17 +156,19 @@ def learn_demonstrated_rewards(
     """
     to_solve = _problems_to_solve(scenes, split, demonstrate_targets(scenes, split, settings, seed), settings)
     next_states = [successors(scene.graph) for scene in scenes]
-    problems = [
-        MaxMarginProblem(
-            phi[item.target.scene],
-            next_states[item.target.scene],
-            item.expert(scenes[item.target.scene]),
-            item.starts,
-            name=f"{scenes[item.target.scene].name}: target {item.target.state}",
-        )
-        for item in to_solve
-    ]
-    solutions = learn_weights(problems, settings, settings.processes or None)
+
+    def problem(item: _TargetStarts) -> MaxMarginProblem:
+        number = item.target.scene
+        expert = item.expert(scenes[number])
+        name = f"{scenes[number].name}: target {item.target.state}"
+        return MaxMarginProblem(phi[number], next_states[number], expert, item.starts, name=name)
+
+    in_part = max(1, EXPERTS_IN_MEMORY // max(scene.n_states for scene in scenes))
+    parts = [to_solve[first : first + in_part] for first in range(0, len(to_solve), in_part)]
+    solutions = []
+    for number, part in enumerate(parts, start=1):
+        description = "inverse RL" if len(parts) == 1 else f"inverse RL, part {number}/{len(parts)}"
+        solutions += learn_weights([problem(item) for item in part], settings, settings.processes or None, description)
     for item, solution in zip(to_solve, solutions, strict=True):
         if item.trained and not solution.solved:
             raise InputError(

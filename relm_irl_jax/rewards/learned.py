@@ -120,8 +120,8 @@ def demonstrated_reward(scenes: Sequence[Scene], targets: Sequence[Target], lear
     for number, target in enumerate(targets):
         to_target = [i for i, demonstrated in enumerate(trained) if demonstrated.target == target]
         distance = scenes[target.scene].shortest_path_distance
-        finite = np.where(distance < 0, len(distance), distance)
-        distance_to_trajectory = np.stack([finite[:, trained[i].starts].min(1) for i in to_target])
+        to_starts = [distance[:, trained[i].starts] for i in to_target]
+        distance_to_trajectory = np.stack([np.where(d < 0, len(d), d).min(1) for d in to_starts])
         row[number, : len(distance)] = np.asarray(to_target)[distance_to_trajectory.argmin(0)]
     weights = np.stack([demonstrated.solution.w for demonstrated in trained])
     return _linear_reward(weights, row, learned.phi, learned.form)

@@ -31,7 +31,7 @@ COLLISION = -1
 """Entry of `Scene.graph` where the action would collide and leaves the state unchanged."""
 
 ROWS_AT_ONCE = 512
-"""Rows of the table of distances that are computed at once."""
+"""Rows of the table of distances that are in memory at once while it is computed or searched."""
 
 UNREACHABLE = -1
 """Entry of `Scene.shortest_path_distance` where no path exists."""
@@ -47,7 +47,8 @@ class Scene:
         location: place (x, z) of each state, in metres.
         rotation: heading of each state, in degrees, one of `HEADINGS`.
         graph: next state for each action of `ACTIONS`, or `COLLISION`.
-        shortest_path_distance: smallest number of actions from row to column, or `UNREACHABLE`.
+        shortest_path_distance: smallest number of actions from row to column, or `UNREACHABLE`. That of a large scene
+            may be a part of its file, which is read where it is used.
         observation: view of each state as RGB; None if the views were not loaded.
         features: encoded view of each state; None before encoding.
         visible_object: share of the view that each category covers, in [0, 1]; None without labels.
@@ -77,7 +78,10 @@ class Scene:
     @property
     def reachable(self) -> Int64[np.ndarray, "reachable"]:
         """States that some other state can reach, ascending; in the original scenes, not all states are reachable."""
-        return np.flatnonzero((self.shortest_path_distance > 0).any(0))
+        reached = np.zeros(self.n_states, bool)
+        for first in range(0, self.n_states, ROWS_AT_ONCE):
+            reached |= (self.shortest_path_distance[first : first + ROWS_AT_ONCE] > 0).any(0)
+        return np.flatnonzero(reached)
 
     def without_views(self) -> "Scene":
         """The same scene with `observation` None."""

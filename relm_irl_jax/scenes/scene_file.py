@@ -6,18 +6,30 @@ Datasets: `observation` (state, height, width, 3), `resnet_feature` (state, crop
 `format_version`. Original files without these can also be read.
 """
 
+import math
 import os
 import re
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
 import numpy as np
+from jaxtyping import Int32
 
 from relm_irl_jax.errors import InputError, first_line
 from relm_irl_jax.files import whole_file
 from relm_irl_jax.hardware import require_memory
 from relm_irl_jax.scenes.consistency import require_consistent
-from relm_irl_jax.scenes.scene import ACTIONS, COLLISION, ROOM_TYPE_PATTERN, ROOM_TYPES, UNREACHABLE, Scene
+from relm_irl_jax.scenes.scene import (
+    ACTIONS,
+    COLLISION,
+    ROOM_TYPE_PATTERN,
+    ROOM_TYPES,
+    ROWS_AT_ONCE,
+    UNREACHABLE,
+    Scene,
+)
 
 FORMAT_VERSION = 1
 NAME_PATTERN = r"\w[\w .+-]*"
@@ -25,6 +37,12 @@ NAME_PATTERN = r"\w[\w .+-]*"
 
 LONGEST_NAME = 100
 """Largest number of characters of a name."""
+
+DISTANCE = "shortest_path_distance"
+"""Name of the dataset of distances."""
+
+IN_FILE_BYTES = 2**26
+"""Size from which a table of distances stays in its file, where the file's layout allows it."""
 
 MAX_COMPRESSION = 2000
 """Largest plausible ratio of a dataset's size to its file's size; with a larger ratio, the file is damaged."""
@@ -77,7 +95,24 @@ def load_scene(path: str | os.PathLike, *, views: bool = True) -> Scene:
     """
     scene = read_scene(path, views=views)
     require_consistent(scene, Path(path))
+    table = scene.shortest_path_distance
+    if isinstance(table, np.memmap):  # mapped again, so that what the checks have read takes no memory any more
+        table = np.memmap(Path(path), table.dtype, "r", table.offset, table.shape)
+        scene = replace(scene, shortest_path_distance=table)
     return scene
+
+
+def require_views(path: Path) -> None:
+    """Check that a scene file has views, without reading them: they are needed late, for figures.
+
+    Args:
+        path: the file.
+
+    Raises:
+        InputError: the file has no views.
+    """
+    with suppress(OSError), h5py.File(path, "r") as file:  # reading the scene says what is wrong with the file
+        _require_rgb(_checked(file, path, "observation", (None, None, None, 3)), path)
 
 
 def read_scene(path: str | os.PathLike, *, views: bool = True) -> Scene:
@@ -131,11 +166,7 @@ def _read(file: h5py.File, path: Path, *, views: bool) -> Scene:
     stored = file.get("rotation")
     column = isinstance(stored, h5py.Dataset) and len(stored.shape or ()) == 2
     rotation = _numbers(file, path, "rotation", (n_states, 1) if column else (n_states,)).reshape(-1)
-    distance = _numbers(file, path, "shortest_path_distance", (n_states, n_states))
-    is_distance = distance.min() >= UNREACHABLE and distance.max() < 2**31
-    if distance.dtype.kind == "f":
-        is_distance = is_distance and (distance == np.round(distance)).all()
-    _require(bool(is_distance), path, "shortest_path_distance", "must contain whole numbers, -1 or more")
+    distance = _distances(file, path, n_states)
     features = observation = visible = None
     categories = ()
     if "resnet_feature" in file:
@@ -153,8 +184,9 @@ def _read(file: h5py.File, path: Path, *, views: bool) -> Scene:
             "needs one name for each column in `categories`",
         )
     if views:
-        observation = _dataset(file, path, "observation", (n_states, None, None, 3))
-        _require(observation.dtype == np.uint8, path, "observation", "must be uint8 RGB")
+        stored = _checked(file, path, "observation", (n_states, None, None, 3))
+        _require_rgb(stored, path)
+        observation = stored[()]
     name = _text(file, path, "name", path.stem, NAME_PATTERN, "a name of letters, digits, '_', '-', '.' and spaces")
     room_type = room_type_from_name(name)
     kind = "a name of letters, digits, '_', '-' and '.', and not `mean`"
@@ -164,7 +196,7 @@ def _read(file: h5py.File, path: Path, *, views: bool) -> Scene:
         location=location.astype(np.float64),
         rotation=rotation.astype(np.float64),
         graph=graph.astype(np.int32, copy=False),
-        shortest_path_distance=distance.astype(np.int32, copy=False),
+        shortest_path_distance=distance,
         observation=observation,
         features=features,
         visible_object=visible,
@@ -175,18 +207,44 @@ def _read(file: h5py.File, path: Path, *, views: bool) -> Scene:
 
 
 def _memory(file: h5py.File, *, views: bool) -> int:
-    """Bytes in memory while a scene is read: its large datasets, and distances of another type twice."""
+    """Bytes of a scene's large datasets that are read into memory."""
     total = 0
-    for name in ("shortest_path_distance", "resnet_feature", *(("observation",) if views else ())):
+    for name in (DISTANCE, "resnet_feature", *(("observation",) if views else ())):
         stored = file.get(name)
-        if isinstance(stored, h5py.Dataset) and stored.shape:
-            copies = 2 if name == "shortest_path_distance" and stored.dtype != np.int32 else 1
-            total += copies * int(stored.nbytes)
+        if isinstance(stored, h5py.Dataset) and stored.shape and not (name == DISTANCE and _stays_in_file(stored)):
+            width = np.dtype(np.int32).itemsize if name == DISTANCE else stored.dtype.itemsize
+            total += math.prod(stored.shape) * width
     return total
 
 
-def _dataset(file: h5py.File, path: Path, name: str, shape: tuple[int | None, ...]) -> np.ndarray:
-    """Read a dataset after checking its shape; None in `shape` stands for any positive length."""
+def _distances(file: h5py.File, path: Path, n_states: int) -> Int32[np.ndarray, "states states"]:
+    """Read the distances; a large table stays in the file, and is otherwise read a few rows at a time."""
+    stored = _checked(file, path, DISTANCE, (n_states, n_states))
+    _require(stored.dtype.kind in "iuf", path, DISTANCE, f"must contain real numbers, not {stored.dtype}")
+    if in_file := _stays_in_file(stored):
+        distances = np.memmap(path, np.int32, "r", offset=stored.id.get_offset(), shape=stored.shape)
+    else:
+        distances = np.empty(stored.shape, np.int32)
+    for first in range(0, n_states, ROWS_AT_ONCE):
+        rows = slice(first, first + ROWS_AT_ONCE)
+        given = distances[rows] if in_file else stored[rows]
+        whole = given.min() >= UNREACHABLE and given.max() < 2**31  # false for NaN
+        if given.dtype.kind == "f":
+            whole = whole and (given == np.round(given)).all()
+        _require(bool(whole), path, DISTANCE, "must contain whole numbers, -1 or more")
+        if not in_file:
+            distances[rows] = given
+    return distances
+
+
+def _stays_in_file(stored: h5py.Dataset) -> bool:
+    """Whether a table is large, and contiguous in its file as it would be in memory."""
+    contiguous = stored.id.get_offset() is not None and stored.file.userblock_size == 0
+    return contiguous and stored.dtype == np.int32 and stored.nbytes >= IN_FILE_BYTES
+
+
+def _checked(file: h5py.File, path: Path, name: str, shape: tuple[int | None, ...]) -> h5py.Dataset:
+    """Find a dataset and check its shape; None in `shape` stands for any positive length."""
     stored = file.get(name)
     if not isinstance(stored, h5py.Dataset):
         raise InputError(f"{path}: dataset `{name}` is missing; write the scene again in the THOR v1 format.")
@@ -199,7 +257,12 @@ def _dataset(file: h5py.File, path: Path, name: str, shape: tuple[int | None, ..
     # With a damaged length, reading could exhaust the memory.
     limit = MAX_COMPRESSION * path.stat().st_size
     _require(stored.size * stored.dtype.itemsize <= limit, path, name, "is declared larger than its file can store")
-    return stored[()]
+    return stored
+
+
+def _dataset(file: h5py.File, path: Path, name: str, shape: tuple[int | None, ...]) -> np.ndarray:
+    """Read a dataset of a given shape, see `_checked`."""
+    return _checked(file, path, name, shape)[()]
 
 
 def _numbers(file: h5py.File, path: Path, name: str, shape: tuple[int | None, ...]) -> np.ndarray:
@@ -212,6 +275,10 @@ def _numbers(file: h5py.File, path: Path, name: str, shape: tuple[int | None, ..
         fits = -limit <= float(values.min()) and float(values.max()) <= limit
         _require(fits, path, name, "has values that are not finite")
     return values
+
+
+def _require_rgb(observation: h5py.Dataset, path: Path) -> None:
+    _require(observation.dtype == np.uint8, path, "observation", "must be uint8 RGB")
 
 
 def _text(file: h5py.File, path: Path, attribute: str, default: str, pattern: str, kind: str) -> str:

@@ -136,7 +136,7 @@ def _observed(config: Config, task: EvaluationTask, obs: Observed) -> list[np.nd
             raise InputError("obs: the agents of this run look at frames, and no features were made; give frames.")
         return [scene.encoded for scene in task.scenes]
     load = unseen_scenes if task.name == "III" else training_scenes
-    views = {scene.name: scene.views for scene in load(config.scenes, config.scene)}
+    views = {scene.name: scene.views for scene in (each() for each in load(config.scenes, config.scene))}
     return [views[scene.name] for scene in task.scenes]
 
 

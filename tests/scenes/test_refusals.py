@@ -73,6 +73,14 @@ def test_without_a_cache_folder_the_file_is_checked_each_time(tmp_path, own_cach
     assert load_scene(tmp_path / "a.h5").n_states == 16
 
 
+def test_a_folder_without_views_is_refused_before_the_work(tmp_path):
+    """Features suffice for training, but figures show views."""
+    save_scene(replace(scene("bathroom-0"), observation=None), tmp_path / "a.h5")
+    for choose in (training_scenes, unseen_scenes):
+        with pytest.raises(InputError, match=r"a\.h5: dataset `observation` is missing"):
+            choose(str(tmp_path), SceneSettings(training_per_type=1))
+
+
 @pytest.mark.parametrize(
     ("changes", "fault"),
     [
