@@ -86,7 +86,7 @@ def _lines(path: Path) -> Iterator[tuple[str, dict[str, Any]]]:
                 f"{name}: not a JSON object with lists `states` and `actions` ({error}); correct the line."
             ) from error
         if not isinstance(states, list) or not isinstance(actions, list):
-            raise InputError(f"{name}: not a JSON object as needed: `states` and `actions` must be lists; correct the line.")
+            raise InputError(f"{name}: not a JSON object as needed: `states` and `actions` must be lists; correct it.")
         yield name, demonstration
 
 
