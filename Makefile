@@ -24,7 +24,7 @@ QUICK   ?=  ## 1 for tiny rooms, few frames and seeds: whether everything runs, 
 JOBS    ?=  ## Runs of a study at a time; 1 by default.
 ARGS    ?=  ## More options of the command, as in ARGS="--siamese.width 256"; for tests, of pytest.
 
-.PHONY: help setup train evaluate report play test slow smoke lint bench paper weights notebooks lock clean
+.PHONY: help setup train evaluate report play test slow chaos fuzz smoke lint bench paper weights notebook notebooks lock clean
 
 # A variable on the command line that no target of it uses is refused. (help and refusals: .ci/makefile.py)
 GIVEN   := $(sort $(foreach name,$(.VARIABLES),$(if $(filter command,$(origin $(name))),$(name))))
@@ -70,6 +70,12 @@ test: $(STAMP)  ## Run the tests, but for the slow ones. [ARGS]
 slow: $(STAMP)  ## Run the slow tests: whole trainings. [ARGS]
 	@$(BIN)/python -m pytest -m slow $(ARGS) || test $$? = 5  # pytest says 5 where no test is slow
 
+chaos: $(STAMP)  ## End a run at many moments, continue it, and compare the results. [ARGS]
+	@$(BIN)/python tests/chaos.py $(ARGS)
+
+fuzz: $(STAMP)  ## Read thousands of damaged and absurd inputs. [ARGS]
+	@$(BIN)/python tests/fuzz.py $(ARGS)
+
 smoke: $(STAMP)  ## Train on tiny rooms, through every stage and method. [TASK METHOD AGENT SCENES SEEDS FRAMES RUN ARGS]
 	@$(KEPT) $(BIN)/relm-irl train --config experiments/smoke.toml $(TRAIN)
 
@@ -89,6 +95,10 @@ weights: $(STAMP)  ## Train the mapping agent's weights that come with the packa
 
 notebooks: $(STAMP)  ## Run the notebooks of experiments/notebooks. [ARGS]
 	@$(KEPT) $(BIN)/python -m pytest --nbmake --nbmake-timeout=300 -p no:cacheprovider $(ARGS) experiments/notebooks
+
+notebook: $(STAMP)  ## Open the notebooks in Jupyter, which is installed into .venv if it is missing.
+	@$(BIN)/python -c 'import jupyterlab' 2>/dev/null || $(BIN)/python -m pip install -q --disable-pip-version-check 'jupyterlab>=4,<5'
+	@$(BIN)/python -m jupyterlab experiments/notebooks
 
 lock:  ## Resolve pyproject.toml into requirements.lock (needs uv).
 	uv pip compile pyproject.toml --extra dev --universal --python-version 3.11 --generate-hashes \

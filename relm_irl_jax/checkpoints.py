@@ -4,9 +4,12 @@ Orbax writes them atomically in the background, and keeps the last one. A checkp
 learning curve so far and the configuration. `relm_irl_jax.parameters` saves the final network.
 """
 
+import hashlib
+import json
 import logging
 import sys
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from importlib import import_module
 from pathlib import Path
 from shutil import rmtree
@@ -19,6 +22,7 @@ import numpy as np
 
 from relm_irl_jax.config import Config, config_from_dict, config_to_dict, trained_part
 from relm_irl_jax.errors import InputError
+from relm_irl_jax.interruption import deferred
 from relm_irl_jax.types import Row, State
 
 LATE_ERRORS = ("Event loop is closed", "Encountered error while reading")
@@ -43,8 +47,22 @@ class Checkpoints:
     def __exit__(self, *_: object) -> None:
         """Wait until the last checkpoint is written."""
         if self._open_manager is not None:
-            self._open_manager.close()
-            self._open_manager = None
+            manager, self._open_manager = self._open_manager, None
+            with self._writing():
+                manager.close()
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        """Turn the errors of Orbax, which are of many kinds, into one sentence."""
+        try:
+            with deferred():
+                yield
+        except Exception as error:
+            reason = shorten(str(error) or type(error).__name__, 100, placeholder=" …")
+            raise InputError(
+                f"{self.path}: the checkpoint cannot be written ({reason}); free some space, and run the same command "
+                "again."
+            ) from error
 
     def save(self, state: State, rows: list[Row]) -> None:
         """Save a state in place of the previous one. Returns when the arrays are copied; writing continues later.
@@ -53,15 +71,21 @@ class Checkpoints:
             state: the state of the training.
             rows: the rows of all chunks so far.
         """
-        args = _orbax().args
-        self._manager().save(
-            len(rows),
-            args=args.Composite(
-                state=args.StandardSave(_leaves(state)),
-                rows=args.JsonSave(list(rows)),  # a copy, since the caller appends to the list during writing
-                config=args.JsonSave(config_to_dict(self.config)),
-            ),
-        )
+        args, leaves = _orbax().args, _leaves(state)
+        with self._writing():
+            self._manager().save(
+                len(rows),
+                args=args.Composite(
+                    state=args.StandardSave(leaves),
+                    rows=args.JsonSave({"rows": list(rows), "sha256": _checksum(leaves, rows)}),
+                    config=args.JsonSave(config_to_dict(self.config)),
+                ),
+            )
+
+    def last_step(self) -> int | None:
+        """Number of rows of the last checkpoint; None if there is none."""
+        with deferred():
+            return self._manager().latest_step() if self.path.exists() else None
 
     def restore(self, like: State) -> tuple[State, list[Row]] | None:
         """Read the last saved state.
@@ -81,17 +105,21 @@ class Checkpoints:
         form = [jax.ShapeDtypeStruct(x.shape, x.dtype, sharding=x.sharding) for x in _leaves(like)]
         hook = sys.unraisablehook
         try:
-            step = self._manager().latest_step()
+            step = self.last_step()
             if step is None:
                 return None
             sys.unraisablehook = lambda error: None if str(error.exc_value).startswith(LATE_ERRORS) else hook(error)
-            restored = self._manager().restore(
-                step,
-                args=args.Composite(
-                    state=args.StandardRestore(form), rows=args.JsonRestore(), config=args.JsonRestore()
-                ),
-            )
+            with deferred():
+                restored = self._manager().restore(
+                    step,
+                    args=args.Composite(
+                        state=args.StandardRestore(form), rows=args.JsonRestore(), config=args.JsonRestore()
+                    ),
+                )
             saved_config = config_from_dict(restored.config, str(self.path))
+            rows = restored.rows["rows"]
+            if restored.rows["sha256"] != _checksum(restored.state, rows):
+                raise ValueError("it does not match its checksum")
         except Exception as error:  # damaged files cause many kinds of exceptions
             reason = shorten(str(error) or type(error).__name__, 60, placeholder=" …")
             # The filter stays: unfinished reads raise further errors when they are garbage-collected.
@@ -99,7 +127,7 @@ class Checkpoints:
         sys.unraisablehook = hook
         if trained_part(saved_config) != trained_part(self.config):
             raise InputError(f"{self.path}: the checkpoint belongs to another configuration.")
-        return _state(like, restored.state), restored.rows
+        return _state(like, restored.state), rows
 
     def remove(self) -> None:
         """Remove the folder, and its parent folder if that is then empty."""
@@ -117,8 +145,8 @@ class Checkpoints:
 
 def _orbax() -> Any:
     """Import Orbax, which is slow and only needed by trainings."""
-    # Suppresses warnings about slow disks.
-    logging.getLogger("absl").setLevel(logging.ERROR)
+    # Suppresses warnings about slow disks, and errors that are raised, too.
+    logging.getLogger("absl").setLevel(logging.CRITICAL)
     return import_module("orbax.checkpoint")
 
 
@@ -129,6 +157,14 @@ def _is_key(array: jax.Array) -> bool:
 def _leaves(state: Any) -> list[jax.Array]:
     """The arrays of a state; random keys as integer arrays."""
     return [jax.random.key_data(x) if _is_key(x) else x for x in jax.tree.leaves(state)]
+
+
+def _checksum(leaves: list[jax.Array], rows: list[Row]) -> str:
+    """Checksum of a state and its rows: a flipped bit is not always noticed by Orbax."""
+    digest = hashlib.sha256(json.dumps(rows, sort_keys=True).encode())
+    for leaf in leaves:
+        digest.update(f"{leaf.dtype} {leaf.shape}".encode() + np.asarray(leaf).tobytes())
+    return digest.hexdigest()
 
 
 def _state(like: Any, leaves: list[jax.Array]) -> Any:

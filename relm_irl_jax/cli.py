@@ -1,239 +1,224 @@
 """The command `relm-irl`."""
 
-import signal
+import difflib
+import os
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
-import tyro
-from pydantic import NonNegativeInt, PositiveInt, ValidationError
-from pydantic.dataclasses import dataclass
-from rich.console import Console
+from pydantic import ValidationError
 
-from relm_irl_jax import __version__
-from relm_irl_jax.config import Config, Method, Task, load_config
-from relm_irl_jax.errors import InputError, first_fault
-from relm_irl_jax.pipeline import evaluate_run, run
-from relm_irl_jax.play.animation import play as play_run
-from relm_irl_jax.play.keyboard import draw_episode, play_in_terminal, scene_and_targets, scene_and_targets_of_run
-from relm_irl_jax.report.run_report import write_report
-from relm_irl_jax.report.tables import console_table
-from relm_irl_jax.results import Results, load_results
-from relm_irl_jax.run_config import find_run
+from relm_irl_jax.errors import DivergenceError, InputError, first_fault, printable, system_fault
+from relm_irl_jax.files import ensure_writable
+from relm_irl_jax.help_pages import COMMANDS, overview, train_help
+from relm_irl_jax.interruption import Resume
+from relm_irl_jax.lazy import deferred
 from relm_irl_jax.run_folder import RunFolder
-from relm_irl_jax.scenes.check import check_files, check_table
-from relm_irl_jax.scenes.recording.export import export_scenes, export_table
-from relm_irl_jax.scenes.recording.thor import ThorSettings, thor_scenes
-from relm_irl_jax.scenes.recording.vizdoom import VizdoomSettings, vizdoom_maps
-from relm_irl_jax.scenes.rooms import generate_room
-from relm_irl_jax.scenes.scene import ROOM_TYPES
-from relm_irl_jax.scenes.scene_file import save_scene
-from relm_irl_jax.scenes.selection import scene_files
-from relm_irl_jax.stages.episodes import AgentChoice, EpisodePath
 
+if TYPE_CHECKING:
+    from rich.console import Console
 
-@dataclass(frozen=True)
-class Evaluate:
-    """Evaluate the agents of a run on a task."""
+    from relm_irl_jax.commands import Bench, Check, Evaluate, ExportThor, ExportVizdoom, Generate, Play, Record, Report
+    from relm_irl_jax.config import Config
+    from relm_irl_jax.results import Results
+    from relm_irl_jax.stages.episodes import EpisodePath
 
-    run: tyro.conf.Positional[Path]
-    """Run folder."""
-    task: Task = "II"
-    """Task to evaluate."""
+# What the commands do is imported when they do it.
+check_files = deferred("relm_irl_jax.scenes.check", "check_files")
+check_table = deferred("relm_irl_jax.scenes.check", "check_table")
+console_table = deferred("relm_irl_jax.report.tables", "console_table")
+draw_episode = deferred("relm_irl_jax.play.keyboard", "draw_episode")
+enter_policy = deferred("relm_irl_jax.pipeline", "enter_policy")
+enter_results = deferred("relm_irl_jax.pipeline", "enter_results")
+encode_training = deferred("relm_irl_jax.stages.encoding", "encode_training")
+evaluate_run = deferred("relm_irl_jax.pipeline", "evaluate_run")
+expert_recordings = deferred("relm_irl_jax.stages.recordings", "expert_recordings")
+agent_recordings = deferred("relm_irl_jax.stages.recordings", "agent_recordings")
+save_demonstrations = deferred("relm_irl_jax.demonstrations", "save_demonstrations")
+export_scenes = deferred("relm_irl_jax.scenes.recording.export", "export_scenes")
+export_table = deferred("relm_irl_jax.scenes.recording.export", "export_table")
+find_run = deferred("relm_irl_jax.run_config", "find_run")
+generate_room = deferred("relm_irl_jax.scenes.rooms.generate", "generate_room")
+load_config = deferred("relm_irl_jax.config", "load_config")
+load_results = deferred("relm_irl_jax.results", "load_results")
+load_run_settings = deferred("relm_irl_jax.report.run_settings", "load_run_settings")
+locked = deferred("relm_irl_jax.run_config", "locked")
+play_in_terminal = deferred("relm_irl_jax.play.keyboard", "play_in_terminal")
+play_run = deferred("relm_irl_jax.play.animation", "play")
+read_results = deferred("relm_irl_jax.results", "read_results")
+results_file = deferred("relm_irl_jax.stages.own_policies", "results_file")
+run = deferred("relm_irl_jax.pipeline", "run")
+run_path = deferred("relm_irl_jax.run_config", "run_path")
+save_scene = deferred("relm_irl_jax.scenes.scene_file", "save_scene")
+scene_and_targets = deferred("relm_irl_jax.play.keyboard", "scene_and_targets")
+scene_and_targets_of_run = deferred("relm_irl_jax.play.keyboard", "scene_and_targets_of_run")
+scene_files = deferred("relm_irl_jax.scenes.selection", "scene_files")
+thor_scenes = deferred("relm_irl_jax.scenes.recording.thor", "thor_scenes")
+vizdoom_maps = deferred("relm_irl_jax.scenes.recording.vizdoom", "vizdoom_maps")
+write_report = deferred("relm_irl_jax.report.run_report", "write_report")
 
+AgentChoice = deferred("relm_irl_jax.stages.episodes", "AgentChoice")
+OwnPolicy = deferred("relm_irl_jax.stages.own_policies", "OwnPolicy")
 
-@dataclass(frozen=True)
-class Report:
-    """Write the report of a run again."""
-
-    run: tyro.conf.Positional[Path]
-    """Run folder."""
-
-
-@dataclass(frozen=True)
-class Play:
-    """Save animations of an agent (GIF files in the run folder), or navigate by keyboard."""
-
-    run: tyro.conf.Positional[Path | None] = None
-    """Run folder; without it, you navigate by keyboard."""
-    method: Method = "relm-irl"
-    """Method that trained the agent."""
-    task: Task = "I"
-    """Task, which determines scenes and targets."""
-    seed: NonNegativeInt = 0
-    """Seed of the agent."""
-    episode: NonNegativeInt = 0
-    """Number of the episode, which determines start and target."""
-    keyboard: bool = False
-    """Navigate to a target of the task by keyboard."""
-    scene: str | None = None
-    """Scene for navigation by keyboard: with a run, the name of one of its scenes (default: the first); without a run,
-    a scene file or a built-in room (default: bathroom-0)."""
-    target: str | None = None
-    """Category of the target object for navigation without a run; by default a random one."""
-
-
-@dataclass(frozen=True)
-class Generate:
-    """Generate built-in rooms as scene files in the THOR v1 format."""
-
-    out: Path
-    """Output folder."""
-    room_types: tuple[Literal["bathroom", "bedroom", "living_room"], ...] = ROOM_TYPES
-    """Room types."""
-    count: PositiveInt = 1
-    """Rooms of each type."""
-    first: NonNegativeInt = 0
-    """Number of the first room of each type."""
-    size: Literal["full", "tiny"] = "full"
-    """The original scenes' state counts (full), or 12 to 20 places (tiny)."""
-    image_size: PositiveInt = 224
-    """Rows and columns of a view."""
-
-
-@dataclass(frozen=True)
-class Check:
-    """Check that scene files are consistent and usable for training."""
-
-    files: tyro.conf.Positional[tuple[Path, ...]]
-    """Scene files, or folders of them."""
-
-
-@dataclass(frozen=True)
-class ExportVizdoom:
-    """Record maps of ViZDoom, which includes Freedoom's maps (pip install vizdoom)."""
-
-    out: Path
-    """Output folder. Existing files are kept; an interrupted recording continues."""
-    maps: tuple[str, ...]
-    """Maps: map01 to map32, or e1m1 to e4m9."""
-    settings: Annotated[VizdoomSettings, tyro.conf.arg(name="")] = VizdoomSettings()
-    """States and views."""
-
-
-@dataclass(frozen=True)
-class ExportThor:
-    """Record scenes of AI2-THOR (pip install ai2thor)."""
-
-    out: Path
-    """Output folder. Existing files are kept; an interrupted recording continues."""
-    scenes: tuple[str, ...]
-    """iTHOR scenes, such as FloorPlan401, or JSON files of ProcTHOR houses."""
-    settings: Annotated[ThorSettings, tyro.conf.arg(name="")] = ThorSettings()
-    """Views."""
-
-
-RecordedVizdoom = Annotated[ExportVizdoom, tyro.conf.subcommand("vizdoom", prefix_name=False)]
-RecordedThor = Annotated[ExportThor, tyro.conf.subcommand("thor", prefix_name=False)]
-
-
-@dataclass(frozen=True)
-class Export:
-    """Record scenes of another simulator as scene files in the THOR v1 format."""
-
-    engine: Annotated[RecordedVizdoom | RecordedThor, tyro.conf.arg(name="")]
-
-
-Generated = Annotated[Generate, tyro.conf.subcommand("generate", prefix_name=False)]
-Checked = Annotated[Check, tyro.conf.subcommand("check", prefix_name=False)]
-Exported = Annotated[Export, tyro.conf.subcommand("export", prefix_name=False)]
-
-
-@dataclass(frozen=True)
-class Bench:
-    """Measure speed on this computer."""
-
-    name: tyro.conf.Positional[Literal["agent", "scaling", "elm", "irl", "encoder"]]
-    """The benchmark."""
-    out: Path = Path("runs/bench")
-    """Output folder, with a sub-folder for each benchmark. The encoder's benchmark writes no files."""
+HELP = ("-h", "--help")
 
 
 def main() -> None:
     """Run the command; for unusable input, print one sentence and exit with code 2."""
     if sys.argv[1:] == ["--version"]:
+        from relm_irl_jax import __version__
+
         print(f"relm-irl-jax {__version__}")
         return
     try:
         _dispatch(sys.argv[1:])
     except InputError as error:
         _exit_with_error(str(error))
+    except DivergenceError as error:
+        _exit_with_error(str(error), 3)
     except ValidationError as error:
         _exit_with_error(first_fault(error))
+    except BrokenPipeError:  # the reader of the output has ended, as in `relm-irl ... | head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(1)
+    except (OSError, MemoryError, UnicodeError) as error:
+        _exit_with_error(system_fault(error))
 
 
-def _exit_with_error(message: str) -> None:
-    print(f"relm-irl: {message}", file=sys.stderr)
-    sys.exit(2)
+def _exit_with_error(message: str, code: int = 2) -> None:
+    # Paths need not be UTF-8; `scenes check` has one line for each fault.
+    lines = (printable(line) for line in f"relm-irl: {message}".split("\n"))
+    print("\n".join(lines).encode(errors="backslashreplace").decode(), file=sys.stderr)
+    sys.exit(code)
 
 
 def _dispatch(arguments: list[str]) -> None:
-    """Parse and run the sub-command."""
-    app = tyro.extras.SubcommandApp()
+    """Parse and run the command."""
+    if not arguments or arguments[0] in HELP:
+        print(overview())
+        sys.exit(0 if arguments else 2)
+    name, rest = arguments[0], arguments[1:]
+    if name not in COMMANDS:
+        near = difflib.get_close_matches(name, COMMANDS, 1)
+        meant = f"did you mean {near[0]}? " if near else ""
+        raise InputError(f"there is no command {name}; {meant}`relm-irl --help` lists the commands.")
+    {"train": _train}.get(name, lambda rest: _other(name, rest))(rest)
+
+
+def _other(name: str, arguments: list[str]) -> None:
+    """Any command but `train`."""
+    import tyro
+
+    from relm_irl_jax.commands import Bench, Checked, Evaluate, Exported, Generated, Play, Record, Report
+
+    kinds: dict[str, tuple[Any, Callable[[Any], None]]] = {
+        "evaluate": (Evaluate, _evaluate),
+        "report": (Report, _report),
+        "play": (Play, _play),
+        "demonstrations": (Record, _record),
+        "scenes": (Generated | Checked | Exported, _scenes),
+        "bench": (Bench, _bench),
+    }
+    kind, work = kinds[name]
+
+    # A function, so that refused values raise here instead of ending the process within the parser.
+    def parsed(command: Annotated[kind, tyro.conf.arg(name="")]) -> Any:  # pyrefly: ignore
+        return command
+
+    work(tyro.cli(parsed, args=arguments, prog=f"relm-irl {name}", description=COMMANDS[name]))
+
+
+def _train(arguments: list[str]) -> None:
+    """Train agents and evaluate them on a task."""
+    import tyro
+
+    from relm_irl_jax.config import Config
+
+    for option in HELP:
+        if option in arguments:
+            position = arguments.index(option)
+            print(train_help(Config, arguments[position + 1] if position + 1 < len(arguments) else None))
+            return
     default, arguments = _default_config(arguments)
 
-    @app.command
-    def train(config: Annotated[Config, tyro.conf.arg(name="")] = default) -> None:
-        """Train agents and evaluate them on a task.
+    def parsed(config: Annotated[Config, tyro.conf.arg(name="")] = default) -> Config:
+        return config
 
-        `--config FILE` reads other defaults from a TOML file. `--resume RUN` continues a run with the configuration in
-        its folder. Agents that are already trained are not trained again, and an interrupted training continues from
-        its last checkpoint.
-        """
-        folder = run(config)
-        _show(load_results(folder), folder.path)
+    config = tyro.cli(parsed, args=arguments, prog="relm-irl train", description=COMMANDS["train"])
+    Resume.run = run_path(config.resolved())
+    folder = run(config)
+    _show(load_results(folder), folder.path)
 
-    @app.command
-    def evaluate(command: Annotated[Evaluate, tyro.conf.arg(name="")]) -> None:
-        """Evaluate the agents of a run on a task."""
-        folder, config = find_run(command.run)
-        evaluate_run(config, folder, command.task)
-        _show(load_results(folder), folder.path)
 
-    @app.command
-    def report(command: Annotated[Report, tyro.conf.arg(name="")]) -> None:
-        """Write the report of a run again."""
-        folder = RunFolder(command.run)
+def _report(command: "Report") -> None:
+    folder = RunFolder(command.run)
+    load_run_settings(folder)  # refuses other folders before the lock is created there
+    with locked(folder):
         write_report(folder)
-        _show(load_results(folder), folder.path)
+    _show(load_results(folder), folder.path)
 
-    @app.command
-    def play(command: Annotated[Play, tyro.conf.arg(name="")]) -> None:
-        """Save animations of an agent (GIF files in the run folder), or navigate by keyboard."""
-        console = Console()
-        if command.keyboard or command.run is None:
-            _play_by_keyboard(command, console)
-            return
-        folder, config = find_run(command.run)
+
+def _play(command: "Play") -> None:
+    console = _console()
+    if command.keyboard or command.run is None:
+        _play_by_keyboard(command, console)
+        return
+    folder, config = find_run(command.run)
+    choice = AgentChoice(command.method, command.task, command.seed)
+    for file, path in play_run(config, folder, choice, command.episode):
+        console.print(f"{file}: {_outcome(path)}", highlight=False, soft_wrap=True)
+
+
+def _console() -> "Console":
+    """Standard output; names and paths are printed as they are, not as markup."""
+    from rich.console import Console
+
+    return Console(markup=False, emoji=False)
+
+
+def _scenes(command: Any) -> None:
+    from relm_irl_jax.commands import Export, Generate
+
+    if isinstance(command, Generate):
+        _generate(command)
+    elif isinstance(command, Export):
+        _export(command.engine)
+    else:
+        _check(command)
+
+
+def _evaluate(command: "Evaluate") -> None:
+    folder, config = find_run(command.run)
+    if command.policy is not None and command.results is not None:
+        raise InputError("results: give either a policy or results.")
+    if command.policy is not None:
+        policy = OwnPolicy(command.policy, command.obs, command.history)
+        enter_policy(config, folder, command.task, policy, command.name or command.policy.rpartition(":")[2])
+    elif command.results is not None:
+        enter_results(config, folder, results_file(command.results, read_results(command.results), command.name))
+    else:
+        evaluate_run(config, folder, command.task)
+    _show(load_results(folder), folder.path)
+
+
+def _record(command: "Record") -> None:
+    folder, config = find_run(command.run)
+    ensure_writable(command.out.parent)
+    training = encode_training(config)
+    if command.method is None:
+        recordings = expert_recordings(config, training, command.seed)
+    else:
         choice = AgentChoice(command.method, command.task, command.seed)
-        for file, path in play_run(config, folder, choice, command.episode):
-            console.print(f"{file}: {_outcome(path)}", highlight=False, soft_wrap=True)
-
-    @app.command
-    def scenes(command: Annotated[Generated | Checked | Exported, tyro.conf.arg(name="")]) -> None:
-        """Generate built-in rooms as scene files, record scenes of other simulators, or check scene files."""
-        if isinstance(command, Generate):
-            _generate(command)
-        elif isinstance(command, Export):
-            _export(command.engine)
-        else:
-            _check(command)
-
-    @app.command
-    def bench(command: Annotated[Bench, tyro.conf.arg(name="")]) -> None:
-        """Measure speed on this computer."""
-        _bench(command)
-
-    app.cli(
-        args=arguments,
-        prog="relm-irl",
-        description="Target-driven visual navigation with learned rewards. `relm-irl --version` prints the version.",
-    )
+        recordings = agent_recordings(config, folder, training, choice, command.episodes)
+    save_demonstrations(recordings, command.out)
+    count = sum(map(len, recordings.values()))
+    _console().print(f"{command.out}: {count} demonstrations", highlight=False, soft_wrap=True)
 
 
-def _play_by_keyboard(command: Play, console: Console) -> None:
+def _play_by_keyboard(command: "Play", console: "Console") -> None:
     if command.run is None:
         scene, targets = scene_and_targets(command.scene or "bathroom-0", command.target)
     else:
@@ -243,49 +228,53 @@ def _play_by_keyboard(command: Play, console: Console) -> None:
     console.print(f"{scene.name}: {_outcome(path)}", highlight=False, soft_wrap=True)
 
 
-def _outcome(path: EpisodePath) -> str:
+def _outcome(path: "EpisodePath") -> str:
     steps = len(path.states) - 1
     outcome = "reached after" if path.success else "not reached in"
     return f"target {outcome} {steps} steps; shortest path: {path.shortest}"
 
 
-def _generate(command: Generate) -> None:
+def _generate(command: "Generate") -> None:
+    ensure_writable(command.out)
     for room_type in command.room_types:
         for number in range(command.first, command.first + command.count):
             scene = generate_room(room_type, number, size=command.size, image_size=command.image_size)
             save_scene(scene, command.out / f"{scene.name}.h5")
 
 
-def _export(command: ExportVizdoom | ExportThor) -> None:
+def _export(command: "ExportVizdoom | ExportThor") -> None:
+    from relm_irl_jax.commands import ExportVizdoom
+
     if isinstance(command, ExportVizdoom):
         openers = vizdoom_maps(command.maps, command.settings)
     else:
         openers = thor_scenes(command.scenes, command.settings)
-    # Simulators continue to run if this process is terminated without stopping them.
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
-    Console().print(export_table(list(export_scenes(openers, command.out))))
+    ensure_writable(command.out)
+    _console().print(export_table(list(export_scenes(openers, command.out))))
 
 
-def _check(command: Check) -> None:
+def _check(command: "Check") -> None:
     paths = [file for path in command.files for file in (scene_files(path) if path.is_dir() else [path])]
     if not paths:
         raise InputError("scenes check: there are no scene files; give HDF5 files or folders that contain some.")
     checked = check_files(paths)
-    Console().print(check_table(checked))
+    _console().print(check_table(checked))
     faults = [fault for result in checked for fault in result.faults]
     if faults:
         raise InputError("\n".join(faults))
 
 
-def _bench(command: Bench) -> None:
+def _bench(command: "Bench") -> None:
+    if command.name != "encoder":
+        ensure_writable(command.out)
     benchmark = import_module(f"relm_irl_jax.benchmarks.{command.name}")
     benchmark.main(*(() if command.name == "encoder" else (command.out / command.name,)))
 
 
-def _default_config(arguments: list[str]) -> tuple[Config, list[str]]:
+def _default_config(arguments: list[str]) -> "tuple[Config, list[str]]":
     """Remove `--config FILE` or `--resume RUN` from the arguments of `train`, and read the configuration."""
-    if arguments[:1] != ["train"]:
-        return Config(), arguments
+    from relm_irl_jax.config import Config
+
     file, arguments = _pop_option(arguments, "--config", "file", "a TOML file")
     run, arguments = _pop_option(arguments, "--resume", "folder", "the folder of a run made by `relm-irl train`")
     if file and run:
@@ -306,7 +295,7 @@ def _pop_option(arguments: list[str], option: str, kind: str, remedy: str) -> tu
     return arguments[position + 1], arguments[:position] + arguments[position + 2 :]
 
 
-def _show(results: Results, folder: Path) -> None:
-    console = Console()
+def _show(results: "Results", folder: Path) -> None:
+    console = _console()
     console.print(console_table(results))
-    console.print(f"Report: {folder / 'report.md'}", highlight=False, soft_wrap=True)
+    console.print(f"Report: {folder / 'report.html'}", highlight=False, soft_wrap=True)

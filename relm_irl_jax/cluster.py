@@ -5,13 +5,9 @@ steps a part of the workers and gradients are averaged over all devices. All pro
 share the run folder or not.
 """
 
-from typing import Annotated
-
-import jax
-from jax.experimental import multihost_utils
-from pydantic import Field, NonNegativeInt
 from pydantic.dataclasses import dataclass
 
+from relm_irl_jax.bounds import NonNegativeInt, PositiveInt
 from relm_irl_jax.errors import InputError
 
 
@@ -21,7 +17,7 @@ class ClusterSettings:
 
     coordinator: str = ""
     """Address and port of process 0, such as 10.0.0.1:1234; empty for a single process."""
-    processes: Annotated[int, Field(ge=1)] = 1
+    processes: PositiveInt = 1
     """Number of processes."""
     process: NonNegativeInt = 0
     """Number of this process."""
@@ -44,6 +40,9 @@ def join(settings: ClusterSettings) -> None:
         raise InputError(
             f"cluster.process: {settings.process} is out of range; give a number from 0 to {settings.processes - 1}."
         )
+    import jax  # here, so that the settings load quickly
+    from jax.experimental import multihost_utils
+
     try:
         jax.distributed.initialize(settings.coordinator, settings.processes, settings.process)
     except (RuntimeError, ValueError) as error:

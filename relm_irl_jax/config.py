@@ -6,12 +6,13 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import PositiveInt, TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
 from relm_irl_jax.agents.settings import FRAMES, LogSettings, MapSettings, MetricSettings, SiameseSettings
+from relm_irl_jax.bounds import PositiveInt
 from relm_irl_jax.cluster import ClusterSettings
 from relm_irl_jax.errors import InputError, first_fault
 from relm_irl_jax.features.settings import EncoderSettings
@@ -41,7 +42,9 @@ class Config:
 
     task: Task = "II"
     """Task to evaluate after training; training does not depend on it."""
-    methods: tuple[Literal["all", "random", "bc", "rl", "irl", "elm-irl", "relm-irl"], ...] = ("all",)
+    methods: Annotated[
+        tuple[Literal["all", "random", "bc", "rl", "irl", "elm-irl", "relm-irl"], ...], Field(min_length=1)
+    ] = ("all",)
     """Methods to train and evaluate. `all` means all except behaviour cloning, `bc`, which must be named; for the
     mapping agent, it means random and rl."""
     scenes: str = ROOMS
@@ -184,6 +187,8 @@ def read_fields(path: Path) -> dict[str, Any]:
         values = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); give an existing file.") from error
+    except RecursionError as error:
+        raise InputError(f"{path}: is nested too deeply; correct it.") from error
     except ValueError as error:
         raise InputError(f"{path}: is not valid {path.suffix.lstrip('.').upper()} ({error}); correct it.") from error
     if not isinstance(values, dict):

@@ -1,12 +1,13 @@
 """Recorded demonstrations: states and actions of a person or another program, instead of the shortest-path expert's.
 
-In a file, each line is one demonstration as JSON, `{"states": [4, 8, 9], "actions": [0, 1]}`. States are numbers of the
-scene's states, actions are columns of `Scene.graph` or names of actions, and the last state is the target. In memory, a
-demonstration is a `Trajectory`; trajectories of the `imitation` library can be converted.
+In a file, each line is one demonstration as JSON, such as
+`{"scene": "bathroom-0", "states": [4, 8, 9], "actions": [0, 1]}`; the scene may be left out where there is only one.
+States are numbers of the scene's states, actions are columns of `Scene.graph` or names of actions, and the last state
+is the target. In memory, a demonstration is a `Trajectory`; trajectories of the `imitation` library can be converted.
 """
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -15,6 +16,7 @@ from jaxtyping import Int32
 
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.experts import NO_ACTION, Expert, Trajectory, expert_from_policy, shortest_path_expert
+from relm_irl_jax.files import write_bytes
 from relm_irl_jax.scenes.scene import ACTIONS, Scene, successors
 
 DefaultPolicy = Literal["shortest-path", "stay"]
@@ -32,33 +34,75 @@ def load_demonstrations(path: Path, scene: Scene) -> tuple[Trajectory, ...]:
         The demonstrations, in the file's order.
 
     Raises:
-        InputError: a line is not a demonstration in this scene; names the line.
+        InputError: the file is missing or not UTF-8, or a line is not a demonstration in this scene; names the line.
     """
-    trajectories = []
-    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
+    return tuple(
+        to_trajectory(line["states"], line["actions"], scene, name)
+        for name, line in _lines(path)
+        if line.get("scene", scene.name) == scene.name
+    )
+
+
+def load_demonstrations_by_scene(path: Path, scenes: Sequence[Scene]) -> list[tuple[Trajectory, ...]]:
+    """Read demonstrations in several scenes from one file, whose lines name the scene.
+
+    Args:
+        path: the file.
+        scenes: the scenes.
+
+    Returns:
+        The demonstrations in each scene, in the file's order.
+
+    Raises:
+        InputError: see `load_demonstrations`; or a line names none of the scenes, or no scene where there are several.
+    """
+    number = {scene.name: position for position, scene in enumerate(scenes)}
+    loaded: list[list[Trajectory]] = [[] for _ in scenes]
+    for name, line in _lines(path):
+        scene = line.get("scene", scenes[0].name if len(scenes) == 1 else None)
+        if scene not in number:
+            raise InputError(f"{name}: `scene` is {scene!r}; give one of {', '.join(number)}.")
+        loaded[number[scene]].append(to_trajectory(line["states"], line["actions"], scenes[number[scene]], name))
+    return [tuple(of_scene) for of_scene in loaded]
+
+
+def _lines(path: Path) -> Iterator[tuple[str, dict[str, Any]]]:
+    """The lines of a file of demonstrations, each with its name in messages."""
+    try:
+        lines = path.read_text(encoding="utf-8").split("\n")
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file; give a file of demonstrations as JSON lines.") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: is not UTF-8 (byte {error.start}); save it as UTF-8.") from error
+    for number, line in enumerate(lines, start=1):
         if not line.strip():
             continue
         name = f"{path}:{number}"
         try:
             demonstration = json.loads(line)
-            states, actions = list(demonstration["states"]), list(demonstration["actions"])
-        except (json.JSONDecodeError, KeyError, TypeError) as error:
+            states, actions = demonstration["states"], demonstration["actions"]
+        except (ValueError, KeyError, TypeError, RecursionError) as error:
             raise InputError(
                 f"{name}: not a JSON object with lists `states` and `actions` ({error}); correct the line."
             ) from error
-        trajectories.append(to_trajectory(states, actions, scene, name))
-    return tuple(trajectories)
+        if not isinstance(states, list) or not isinstance(actions, list):
+            raise InputError(f"{name}: not a JSON object as needed: `states` and `actions` must be lists; correct it.")
+        yield name, demonstration
 
 
-def save_demonstrations(trajectories: Sequence[Trajectory], path: Path) -> None:
+def save_demonstrations(trajectories: Mapping[str, Sequence[Trajectory]] | Sequence[Trajectory], path: Path) -> None:
     """Write demonstrations as JSON lines.
 
     Args:
-        trajectories: the demonstrations.
+        trajectories: the demonstrations; by the scene's name, which is then written, or in one scene.
         path: the file, which is overwritten.
     """
-    lines = [json.dumps({"states": t.states.tolist(), "actions": t.actions.tolist()}) for t in trajectories]
-    path.write_text("".join(line + "\n" for line in lines), encoding="utf-8")
+    if isinstance(trajectories, Mapping):
+        named = [({"scene": scene}, t) for scene, of_scene in trajectories.items() for t in of_scene]
+    else:
+        named = [({}, t) for t in trajectories]
+    lines = [json.dumps(name | {"states": t.states.tolist(), "actions": t.actions.tolist()}) for name, t in named]
+    write_bytes(path, "".join(line + "\n" for line in lines).encode())
 
 
 def from_imitation(trajectory: Any, scene: Scene, name: str = "trajectory") -> Trajectory:
@@ -99,8 +143,8 @@ def to_trajectory(states: Sequence[Any], actions: Sequence[Any], scene: Scene, n
             "has actions, and at least one action."
         )
     try:
-        numbers = [ACTIONS.index(a) if isinstance(a, str) else int(a) for a in actions]
-        visited = np.asarray([int(state) for state in states], np.int32)
+        numbers = [ACTIONS.index(a) if isinstance(a, str) else _whole_number(a) for a in actions]
+        visited = np.asarray([_whole_number(state) for state in states], np.int32)
     except (TypeError, ValueError, OverflowError) as error:
         raise InputError(
             f"{name}: {error}; states are numbers, actions numbers or one of {', '.join(ACTIONS)}."
@@ -117,6 +161,13 @@ def to_trajectory(states: Sequence[Any], actions: Sequence[Any], scene: Scene, n
                 f"{next_states[state, action]} in {scene.name}; was it recorded in another scene?"
             )
     return Trajectory(states=visited, actions=np.asarray(numbers, np.int32), target=int(visited[-1]))
+
+
+def _whole_number(value: Any) -> int:
+    """A number of a state or action; raises TypeError or ValueError for `true`, fractions and everything else."""
+    if isinstance(value, bool | np.bool_ | str | bytes) or int(value) != value:
+        raise ValueError(f"{value!r} is not a whole number")
+    return int(value)
 
 
 def expert_from_demonstrations(

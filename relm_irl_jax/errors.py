@@ -1,6 +1,7 @@
 """Errors whose message is written for the user."""
 
 import difflib
+import errno
 from dataclasses import fields, is_dataclass
 from functools import reduce
 from typing import Any
@@ -12,6 +13,13 @@ class InputError(ValueError):
     """Input that cannot be used: one sentence that names the file or field and the remedy.
 
     The command line prints the sentence and exits with code 2; library callers see a `ValueError`.
+    """
+
+
+class DivergenceError(ArithmeticError):
+    """A training whose numbers are no longer finite: one sentence that names what, and at which frame.
+
+    The command line prints the sentence and exits with code 3.
     """
 
 
@@ -27,7 +35,7 @@ def first_fault(error: ValidationError, settings: Any = None) -> str:
     """
     faults = error.errors(include_url=False)
     fault = next((fault for fault in faults if fault["type"] == "unexpected_keyword_argument"), faults[0])
-    path = tuple(str(part) for part in fault["loc"])
+    path = tuple(printable(str(part)) for part in fault["loc"])
     field = ".".join(path)
     if fault["type"] == "unexpected_keyword_argument":
         return f"unknown field `{field}`{_suggestion(path, settings)}."
@@ -37,6 +45,62 @@ def first_fault(error: ValidationError, settings: Any = None) -> str:
         return f"{field} is missing."
     reason = f"{fault['msg'][:1].lower()}{fault['msg'][1:]}."
     return f"{field} = {fault['input']!r} is refused: {reason}" if field else reason
+
+
+def printable(text: str) -> str:
+    """Text of a file with its line breaks and other control characters escaped, for messages.
+
+    Args:
+        text: the text.
+
+    Returns:
+        One line that cannot control a terminal.
+    """
+    return "".join(c if c.isprintable() else c.encode("unicode_escape", "replace").decode() for c in text)
+
+
+def first_line(error: BaseException) -> str:
+    """The first line of an error's message, or its kind if it has none.
+
+    Args:
+        error: the error.
+
+    Returns:
+        One line.
+    """
+    return (str(error).splitlines() or [type(error).__name__])[0]
+
+
+_REMEDIES = {
+    errno.ENOSPC: "free some space on the disk, and run the same command again",
+    errno.EDQUOT: "free some space, and run the same command again",
+    errno.EFBIG: "raise the limit of file sizes, and run the same command again",
+    errno.EROFS: "give a folder on a file system that can be written",
+    errno.EACCES: "give a folder that you may write to, or a file that you may read",
+    errno.EPERM: "give a folder that you may write to, or a file that you may read",
+    errno.ENAMETOOLONG: "give a shorter path",
+    errno.ENOTDIR: "give a path whose parents are folders",
+    errno.EISDIR: "give a file instead of a folder",
+    errno.EMFILE: "raise the limit of open files (`ulimit -n`)",
+}
+
+
+def system_fault(error: OSError | MemoryError | UnicodeError) -> str:
+    """One sentence on an error of the operating system.
+
+    Args:
+        error: the error.
+
+    Returns:
+        File, reason and remedy.
+    """
+    if isinstance(error, MemoryError):
+        return "the memory does not suffice; give smaller settings, fewer scenes or smaller images."
+    if isinstance(error, UnicodeError):
+        return f"a name or path is not UTF-8 ({error.reason if hasattr(error, 'reason') else error}); rename it."
+    reason = error.strerror or first_line(error)
+    remedy = _REMEDIES.get(error.errno or 0, "correct it, and run the same command again")
+    return f"{f'{error.filename}: ' if error.filename else ''}{reason}; {remedy}."
 
 
 def _suggestion(path: tuple[str, ...], settings: Any) -> str:

@@ -108,10 +108,8 @@ def evaluate(
     Returns:
         The finished episodes.
     """
-    target_range = scene_target_ranges(targets, world.n_scenes, episodes)
     lanes = lanes_within_memory(policy, world.n_scenes, episodes)
-    reset_key, step_key = jax.random.split(key)
-    drawn = jax.jit(env.reset_all)(reset_key, targets, target_range)
+    drawn, step_key = draw_episodes(key, targets, world.n_scenes, episodes)
     situation = (step_key, policy, world, targets, jnp.int32(cap))
     if lanes == episodes:
         length, success = _run(drawn, lanes, situation, advance)
@@ -145,9 +143,7 @@ def _run(
     return np.asarray(progress.length), np.asarray(progress.success)
 
 
-def _run_in_parts(
-    drawn: Episode, lanes: int, situation: _Situation, advance: Callable[[int], None] | None
-) -> _Outcome:
+def _run_in_parts(drawn: Episode, lanes: int, situation: _Situation, advance: Callable[[int], None] | None) -> _Outcome:
     """Run the episodes in `PARTS` parts of each scene, each in a thread: the step of one takes one core at a time."""
     episodes = drawn.target.shape[1]
     size, stop = -(-episodes // PARTS), threading.Event()
@@ -172,6 +168,31 @@ def _run_in_parts(
     for begin, part in zip(begins, parts, strict=True):
         length[:, begin : begin + size], success[:, begin : begin + size] = part
     return length, success
+
+
+def draw_episodes(key: PRNGKeyArray, targets: Targets, n_scenes: int, episodes: int) -> tuple[Episode, PRNGKeyArray]:
+    """Draw starts and targets of evaluation episodes; they are the same for every policy.
+
+    Args:
+        key: source of all randomness.
+        targets: the targets; every scene has at least one.
+        n_scenes: number of scenes.
+        episodes: number of episodes in each scene.
+
+    Returns:
+        The episodes before their first action, with fields [scenes, episodes], and a key for the actions.
+    """
+    reset_key, step_key = jax.random.split(key)
+    return jax.jit(env.reset_all)(reset_key, targets, scene_target_ranges(targets, n_scenes, episodes)), step_key
+
+
+def evaluation_key(seed: int) -> PRNGKeyArray:
+    """The key of a seed's evaluation, of which all policies' episodes are drawn.
+
+    Args:
+        seed: the run's seed.
+    """
+    return jax.random.fold_in(jax.random.key(seed), 1)
 
 
 def lanes_within_memory(policy: Policy, n_scenes: int, episodes: int) -> int:

@@ -1,9 +1,14 @@
-"""Files of arrays, tables and plain values, written atomically: a reader finds the complete file or none."""
+"""Files of arrays, tables and plain values, written atomically: a reader finds the complete file or none.
+
+Files of arrays contain a checksum of their contents. Any other file can have one in a second file next to it.
+"""
 
 import csv
+import hashlib
 import io
 import json
 import os
+import re
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -12,10 +17,81 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float64
+from platformdirs import user_cache_path
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
-from relm_irl_jax.errors import InputError
+from relm_irl_jax.errors import InputError, first_line
+
+
+def cache_folder() -> Path:
+    """The user's cache folder for everything that can be computed again."""
+    return user_cache_path("relm-irl-jax")
+
+
+PARTIAL = ".partial"
+"""Suffix of temporary files; a process that is killed leaves them."""
+
+_CONTENTS = "contents"
+"""Metadata key of all strings of a file of arrays and of its checksum, as JSON: safetensors writes several keys in any
+order, and equal contents shall be equal files."""
+
+
+def remove_partial_files(folder: Path) -> None:
+    """Remove temporary files of processes that were killed; to be called when no other process writes to the folder.
+
+    Args:
+        folder: the folder, with its sub-folders.
+    """
+    for path in folder.rglob(f".*{PARTIAL}"):
+        path.unlink(missing_ok=True)
+
+
+def ensure_writable(folder: Path) -> None:
+    """Create a folder, and write a file to it and remove it: before hours of work, not after.
+
+    Args:
+        folder: the folder.
+
+    Raises:
+        OSError: the folder cannot be written.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.NamedTemporaryFile(dir=folder, prefix=".", suffix=PARTIAL):
+        pass
+
+
+def write_checksum(path: Path) -> None:
+    """Write the checksum of a file to a file next to it.
+
+    Args:
+        path: the file.
+    """
+    write_bytes(_checksum_path(path), _checksum_of(path).encode())
+
+
+def has_checksum(path: Path) -> bool:
+    """Whether a file exists and is as it was when `write_checksum` was called.
+
+    Args:
+        path: the file.
+
+    Returns:
+        Whether the file can be used.
+    """
+    try:
+        return _checksum_path(path).read_bytes().decode(errors="replace") == _checksum_of(path)
+    except OSError:
+        return False
+
+
+def _checksum_path(path: Path) -> Path:
+    return path.with_name(f"{path.name}.sha256")
+
+
+def _checksum_of(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 @contextmanager
@@ -29,7 +105,7 @@ def whole_file(path: Path) -> Iterator[Path]:
         The temporary file to write, in the same folder.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}.", suffix=".partial")
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}.", suffix=PARTIAL)
     os.close(handle)
     temporary = Path(name)
     try:
@@ -132,7 +208,7 @@ def read_numbers(path: Path, names: Sequence[str]) -> dict[str, Float64[np.ndarr
 
 
 def save_arrays(path: Path, arrays: Mapping[str, np.ndarray], metadata: Mapping[str, str] | None = None) -> None:
-    """Write named arrays as safetensors.
+    """Write named arrays as safetensors, with a checksum of all arrays and strings.
 
     Args:
         path: the file.
@@ -140,7 +216,18 @@ def save_arrays(path: Path, arrays: Mapping[str, np.ndarray], metadata: Mapping[
         metadata: strings to store in the same file.
     """
     contiguous = {name: np.asarray(value, order="C") for name, value in arrays.items()}
-    write_bytes(path, save(contiguous, None if metadata is None else dict(metadata)))
+    strings = dict(metadata or {})
+    contents = {"strings": strings, "sha256": _checksum_of_arrays(contiguous, strings)}
+    write_bytes(path, save(contiguous, {_CONTENTS: json.dumps(contents, sort_keys=True)}))
+
+
+def _checksum_of_arrays(arrays: Mapping[str, np.ndarray], metadata: Mapping[str, str]) -> str:
+    digest = hashlib.sha256(json.dumps(sorted(metadata.items())).encode())
+    for name in sorted(arrays):
+        array = np.asarray(arrays[name], order="C")
+        digest.update(f"{name} {array.dtype.str} {array.shape}".encode())
+        digest.update(array.tobytes())
+    return digest.hexdigest()
 
 
 def load_arrays(path: Path) -> dict[str, np.ndarray]:
@@ -172,10 +259,24 @@ def load_arrays_and_metadata(path: Path) -> tuple[dict[str, np.ndarray], dict[st
     """
     try:
         with safe_open(str(path), framework="numpy") as file:
-            return {name: file.get_tensor(name) for name in file.keys()}, dict(file.metadata() or {})  # noqa: SIM118
+            arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+            metadata = dict(file.metadata() or {})
     except FileNotFoundError as error:
         raise InputError(f"{path} is missing; restore it, or repeat the command that writes it.") from error
-    except (SafetensorError, OSError) as error:
+    except (SafetensorError, OSError, ValueError, TypeError, AttributeError) as error:  # the last three: unknown types
         raise InputError(
-            f"{path}: cannot be read ({error}); remove it, and repeat the command that writes it."
+            f"{path}: cannot be read ({first_line(error)}); remove it, and repeat the command that writes it."
         ) from error
+    if _CONTENTS not in metadata:
+        # Files of other programs have no checksum, but then they have nothing that looks like one.
+        if any(re.search('"sha256": "[0-9a-f]{64}"', value) for value in metadata.values()):
+            raise InputError(f"{path}: is damaged; remove it, and repeat the command that writes it.")
+        return arrays, metadata
+    try:
+        contents = json.loads(metadata[_CONTENTS])
+        metadata, checksum = {str(name): str(text) for name, text in contents["strings"].items()}, contents["sha256"]
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+        raise InputError(f"{path}: is damaged; remove it, and repeat the command that writes it.") from error
+    if checksum != _checksum_of_arrays(arrays, metadata):
+        raise InputError(f"{path}: does not match its checksum; remove it, and repeat the command that writes it.")
+    return arrays, metadata

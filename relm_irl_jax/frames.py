@@ -39,7 +39,7 @@ def parse_frames(value: Any) -> Any:
 Frames = Annotated[
     int,
     BeforeValidator(parse_frames),
-    Field(gt=0),
+    Field(gt=0, le=10**15),
     # The command line passes the string on, so that there is one parser and one error message.
     PrimitiveConstructorSpec(
         nargs=1,

@@ -5,7 +5,7 @@ import os
 import platform
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from pydantic import TypeAdapter, ValidationError
@@ -53,6 +53,42 @@ class StageTimes:
 
 
 _STAGE_TIMES = TypeAdapter(StageTimes)
+
+
+def available_memory() -> int | None:
+    """Memory that this process can still use, under the limits of the system and of its control group.
+
+    Returns:
+        Bytes; None if the system does not report them.
+    """
+    found = []
+    with suppress(OSError, ValueError, StopIteration):
+        lines = Path("/proc/meminfo").read_text().splitlines()
+        found.append(1024 * int(next(line for line in lines if line.startswith("MemAvailable")).split()[1]))
+    with suppress(OSError, ValueError):
+        folder = Path("/sys/fs/cgroup")
+        used, limit = (int((folder / f"memory.{name}").read_text()) for name in ("current", "max"))
+        cached = next(line for line in (folder / "memory.stat").read_text().splitlines() if line.startswith("file "))
+        found.append(limit - used + int(cached.split()[1]))
+    return min(found, default=None)
+
+
+def require_memory(needed: int, what: str) -> None:
+    """Refuse work that the memory does not suffice for, before it begins.
+
+    Args:
+        needed: an estimate of the bytes that the work needs.
+        what: the work, in a few words.
+
+    Raises:
+        InputError: the work needs more memory than is available.
+    """
+    available = available_memory()
+    if available is not None and needed > available:
+        raise InputError(
+            f"{what} needs about {needed / 1e9:,.1f} GB of memory, and {available / 1e9:,.1f} GB are available; give "
+            "smaller settings, smaller scenes, or a computer with more memory."
+        )
 
 
 def describe_computer() -> Hardware:

@@ -1,4 +1,4 @@
-"""Public names of a package that are imported on first use."""
+"""Names that are imported on first use."""
 
 from collections.abc import Callable, Mapping
 from importlib import import_module
@@ -22,3 +22,20 @@ def lazy_getattr(package: str, modules: Mapping[str, str]) -> Callable[[str], An
         return getattr(import_module(f"{package}.{modules[name]}"), name)
 
     return import_name
+
+
+def deferred(module: str, name: str) -> Callable[..., Any]:
+    """Make a function that imports another one when it is called.
+
+    Args:
+        module: the module that defines it.
+        name: its name.
+
+    Returns:
+        The function.
+    """
+
+    def call(*arguments: Any, **options: Any) -> Any:
+        return getattr(import_module(module), name)(*arguments, **options)
+
+    return call

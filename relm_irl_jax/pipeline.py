@@ -9,9 +9,9 @@ from relm_irl_jax.cluster import join
 from relm_irl_jax.config import METHODS, Config, Method, Task
 from relm_irl_jax.hardware import Stopwatch
 from relm_irl_jax.report.run_report import write_report
-from relm_irl_jax.results import LEARNED
+from relm_irl_jax.results import LEARNED, Results
 from relm_irl_jax.rewards.learned import LearnedRewards
-from relm_irl_jax.run_config import open_run
+from relm_irl_jax.run_config import locked, opened_run
 from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.scenes.selection import check_scenes_setting
@@ -19,6 +19,8 @@ from relm_irl_jax.stages.encoding import EncodedScenes, encode_training
 from relm_irl_jax.stages.episodes import AgentChoice, save_shown_episodes
 from relm_irl_jax.stages.evaluation import evaluate_task
 from relm_irl_jax.stages.make_agent import check_agent
+from relm_irl_jax.stages.memory import check_goals_memory, check_memory
+from relm_irl_jax.stages.own_policies import OwnPolicy, check_name, enter, evaluate_own_policy
 from relm_irl_jax.stages.rewards import learn, save_rewards
 from relm_irl_jax.stages.training import SeedInputs, train_jointly, train_method, trains_jointly
 from relm_irl_jax.tasks import TaskSplit, draw_split
@@ -54,12 +56,28 @@ def run(
     tasks = tuple(tasks) or (config.task,)
     check_scenes_setting(config.scenes)
     check_agent(config, tasks)
+    check_memory(config)
     join(config.cluster)
-    folder = open_run(config)
+    with opened_run(config) as folder:
+        _run_stages(config, folder, tasks, encoded, learn_rewards, maps=maps)
+    return folder
+
+
+def _run_stages(
+    config: Config,
+    folder: RunFolder,
+    tasks: Sequence[Task],
+    encoded: EncodedScenes | None,
+    learn_rewards: LearnRewards,
+    *,
+    maps: bool,
+) -> None:
+    """Run the missing stages."""
     stopwatch = Stopwatch(folder.hardware)
     if encoded is None:
         with stopwatch("scenes and features"):
             encoded = encode_training(config)
+    check_goals_memory(config, encoded.scenes)
     joint: dict[Method, list[SeedInputs]] = {}
     for seed in range(config.seeds):
         split = draw_split(encoded.scenes, (), config.tasks, seed)
@@ -83,7 +101,6 @@ def run(
         with stopwatch("evaluation"):
             _evaluate(config, folder, encoded, task, maps=maps)
     write_report(folder)
-    return folder
 
 
 def _evaluate(config: Config, folder: RunFolder, encoded: EncodedScenes, task: Task, *, maps: bool = True) -> None:
@@ -102,5 +119,47 @@ def evaluate_run(config: Config, folder: RunFolder, task: Task) -> None:
         folder: the run folder.
         task: `I`, `II` or `III`.
     """
-    _evaluate(config, folder, encode_training(config), task)
-    write_report(folder)
+    with locked(folder):
+        _evaluate(config, folder, encode_training(config), task)
+        write_report(folder)
+
+
+def enter_policy(config: Config, folder: RunFolder, task: Task, policy: OwnPolicy, name: str) -> None:
+    """Add a user's policy to the tables of a run: same targets, same episodes, its own row.
+
+    Args:
+        config: the configuration as run.
+        folder: the run folder. Its agents are evaluated first, if they were not.
+        task: `I`, `II` or `III`.
+        policy: the policy.
+        name: its name in the tables.
+
+    Raises:
+        InputError: the policy or its name cannot be used.
+    """
+    check_name(name)
+    policy.load(0)  # before the work
+    with locked(folder):
+        encoded = encode_training(config)
+        if not folder.results(task).exists():
+            _evaluate(config, folder, encoded, task)
+        enter(folder, evaluate_own_policy(config, encoded, task, policy, name))
+        write_report(folder)
+
+
+def enter_results(config: Config, folder: RunFolder, results: Results) -> None:
+    """Add results that another program measured to the tables of a run.
+
+    Args:
+        config: the configuration as run.
+        folder: the run folder. Its agents are evaluated first, if they were not.
+        results: the results, measured on the run's scenes, seeds and numbers of episodes.
+
+    Raises:
+        InputError: the results were not measured as the run's.
+    """
+    with locked(folder):
+        if not folder.results(results.task).exists():
+            _evaluate(config, folder, encode_training(config), results.task)
+        enter(folder, results)
+        write_report(folder)

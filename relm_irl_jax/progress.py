@@ -17,7 +17,8 @@ from rich.progress import (
 from rich.table import Column
 from rich.text import Text
 
-console = Console(stderr=True)
+console = Console(stderr=True, markup=False, emoji=False)
+"""Standard error. Names and paths are printed as they are, not as markup."""
 
 
 class _Rate(ProgressColumn):
@@ -44,7 +45,7 @@ def progress_bar(description: str | None, total: int, unit: str) -> Iterator[Cal
         A function that takes the number of units done since its last call.
     """
     columns = (
-        TextColumn("{task.description:<25}", table_column=Column(no_wrap=True)),
+        TextColumn("{task.description:<25}", markup=False, table_column=Column(no_wrap=True)),
         BarColumn(bar_width=5),
         MofNCompleteColumn(table_column=Column(no_wrap=True)),
         _Rate(table_column=Column(no_wrap=True)),
@@ -53,4 +54,10 @@ def progress_bar(description: str | None, total: int, unit: str) -> Iterator[Cal
     )
     with Progress(*columns, console=console, disable=description is None) as progress:
         task = progress.add_task(description or "", total=total, unit=unit)
-        yield lambda done: progress.advance(task, done)
+
+        def advance(done: int) -> None:
+            # Agents round frames up to whole updates; a bar ends at 100% all the same.
+            completed = progress.tasks[0].completed + done
+            progress.update(task, completed=min(completed, total))
+
+        yield advance

@@ -3,14 +3,18 @@
 from gymnasium.envs.registration import register, registry
 
 NAVIGATION = "RelmIrl/Navigation-v0"
-"""The target-driven navigation task, for one agent or many in lockstep."""
+"""Target-driven navigation in one scene, for one agent or many in lockstep."""
+
+TASK = "RelmIrl/Task-v0"
+"""A task of the paper, with the scenes and targets that the tables are made with."""
 
 
 def register_environments() -> None:
     """Register the environments with Gymnasium; their code is imported when one is made."""
-    if NAVIGATION not in registry:
-        register(
-            NAVIGATION,
-            entry_point="relm_irl_jax.gym:NavigationEnv",
-            vector_entry_point="relm_irl_jax.gym:NavigationVectorEnv",
-        )
+    for name, kind in ((NAVIGATION, "Navigation"), (TASK, "Task")):
+        if name not in registry:
+            register(
+                name,
+                entry_point=f"relm_irl_jax.gym.single:{kind}Env",
+                vector_entry_point=f"relm_irl_jax.gym.vector:{kind}VectorEnv",
+            )

@@ -1,8 +1,9 @@
 """Results of a run: metrics of trained agents (`results.json`) and quality of learned rewards (`quality.csv`)."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Literal, get_args
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import Field, NonNegativeInt, PositiveInt, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
@@ -21,6 +22,9 @@ LEARNED: tuple[Method, ...] = ("irl", "elm-irl", "relm-irl")
 
 PREDICTED: tuple[Method, ...] = ("elm-irl", "relm-irl")
 """Methods whose reward a regressor predicts; the paper's Figure 11 compares them."""
+
+OWN = "own"
+"""Kind of agent of rows that another program measured."""
 
 TargetGroup = Literal["trained", "new", "uniform"]
 """Targets of Task I, and the two kinds of Task II targets."""
@@ -82,9 +86,40 @@ def save_results(folder: RunFolder, results: Results) -> None:
         folder: the run folder.
         results: the metrics.
     """
-    values = _RESULTS.dump_python(results, mode="json")
+    values = results_to_dict(results)
     write_json(folder.results(results.task), values)
     write_json(folder.results(), values)
+
+
+def results_to_dict(results: Results) -> dict[str, Any]:
+    """The metrics as plain values, ready for JSON.
+
+    Args:
+        results: the metrics.
+    """
+    return _RESULTS.dump_python(results, mode="json")
+
+
+def read_results(path: Path) -> Results:
+    """Read a file in the form of `results.json`, written by any program.
+
+    Args:
+        path: the file.
+
+    Returns:
+        The metrics.
+
+    Raises:
+        InputError: the file cannot be read, or a field is missing or refused.
+    """
+    try:
+        return _RESULTS.validate_json(path.read_bytes())
+    except ValidationError as error:
+        raise InputError(f"{path}: {first_fault(error)} Correct the file; its form is that of results.json.") from error
+    except OSError as error:
+        raise InputError(
+            f"{path}: cannot be read ({error.strerror}); give a file in the form of results.json."
+        ) from error
 
 
 def load_results(folder: RunFolder, task: Task | None = None) -> Results:
@@ -129,6 +164,69 @@ def load_all_results(folder: RunFolder) -> dict[Task, Results]:
     if not results:
         raise InputError(f"{folder.path}: contains no results; run `relm-irl evaluate {folder.path}`.")
     return results
+
+
+def join_results(results: Sequence[Results]) -> Results:
+    """Rows of several results, after checking that they were measured alike.
+
+    Args:
+        results: at least one.
+
+    Returns:
+        All rows; where encoders differ, all their names.
+
+    Raises:
+        InputError: two results have a method's name in common, or they were not measured alike: task, cap, scenes,
+            seeds or numbers of episodes differ.
+    """
+    first, *others = results
+    rows, encoders = list(first.rows), {first.encoder: None}
+    for other in others:
+        for field in ("task", "cap"):
+            ours, theirs = getattr(first, field), getattr(other, field)
+            if ours != theirs:
+                raise InputError(f"results: {field} is {ours} in one and {theirs} in the other; evaluate both alike.")
+        if both := {row.method for row in rows} & {row.method for row in other.rows}:
+            raise InputError(f"results: {min(both)} is in both; give one of them another name.")
+        if difference := _measured(first.rows) ^ _measured(other.rows):
+            scene, seed, episodes = min(difference)
+            raise InputError(
+                f"results: only one of them has {episodes} episodes in {scene} with seed {seed}; evaluate both on the "
+                "same scenes, seeds and numbers of episodes."
+            )
+        rows += other.rows
+        encoders[other.encoder] = None
+    return replace(first, encoder=", ".join(encoders), rows=tuple(rows))
+
+
+def _measured(rows: Sequence[ResultRow]) -> set[tuple[str, int, int]]:
+    return {(row.scene, row.seed, row.episodes) for row in rows}
+
+
+def save_entry(folder: RunFolder, results: Results) -> None:
+    """Keep rows of another program, which every evaluation of the run adds to its own.
+
+    Args:
+        folder: the run folder.
+        results: the rows of one name.
+    """
+    write_json(folder.entry(results.task, results.rows[0].method), results_to_dict(results))
+
+
+def load_entries(folder: RunFolder, task: Task) -> tuple[ResultRow, ...]:
+    """Read the rows of other programs.
+
+    Args:
+        folder: the run folder.
+        task: the task.
+
+    Returns:
+        The rows; none if there are no entries.
+
+    Raises:
+        InputError: a file is damaged.
+    """
+    return tuple(row for path in folder.entries(task) for row in read_results(path).rows)
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,7 @@
 """The run folder: all files of a run.
 
     config.json                           the configuration as run
+    .lock                                 held by the process that writes to the folder
     hardware.json                         the computer, and the duration of each stage
     agents/METHOD-seed-S.safetensors      network weights
     curves/METHOD-seed-S.csv              the learning curve
@@ -11,6 +12,7 @@
     maps/distance-TASK-ROOM.safetensors   distance of every state of a room to one target
     episodes/TASK.safetensors             one episode in a scene of each room type
     results-TASK.json, results.json       metrics of each task, and of the task evaluated last
+    entries/TASK/NAME.json                rows of other programs, which evaluations add to their own
     tables/                               the report's tables as CSV
     figures/                              the report's figures as PNG, and their data as CSV
     report.html, report.md                the report
@@ -38,6 +40,11 @@ class RunFolder:
         return self.path / "config.json"
 
     @property
+    def lock(self) -> Path:
+        """Path of the lock that a process holds while it writes to the folder."""
+        return self.path / ".lock"
+
+    @property
     def hardware(self) -> Path:
         """Path of the description of the computer and the duration of each stage."""
         return self.path / "hardware.json"
@@ -54,6 +61,11 @@ class RunFolder:
         """Folder of a training's checkpoints."""
         return self.path / "checkpoints" / f"{method}-seed-{seed}"
 
+    def finished_checkpoints(self) -> list[Path]:
+        """Folders of checkpoints of trainings whose network is saved: a process was ended before it removed them."""
+        folders = sorted((self.path / "checkpoints").glob("*-seed-*"))
+        return [folder for folder in folders if (self.path / "agents" / f"{folder.name}.safetensors").exists()]
+
     def scalars(self, method: str, seed: int) -> Path:
         """Folder of a training's scalars for TensorBoard."""
         return self.path / "tensorboard" / f"{method}-seed-{seed}"
@@ -65,6 +77,14 @@ class RunFolder:
     def results(self, task: str | None = None) -> Path:
         """Path of the metrics of a task, or of the task evaluated last."""
         return self.path / ("results.json" if task is None else f"results-{task}.json")
+
+    def entry(self, task: str, name: str) -> Path:
+        """Path of another program's metrics of a task."""
+        return self.path / "entries" / task / f"{name}.json"
+
+    def entries(self, task: str) -> list[Path]:
+        """Paths of other programs' metrics of a task."""
+        return sorted((self.path / "entries" / task).glob("*.json"))
 
     def reward_map(self, targets: str, room_type: str) -> Path:
         """Path of the rewards of a room's states for a `trained` or a `new` target."""

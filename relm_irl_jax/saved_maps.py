@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import numpy as np
 from jaxtyping import Float64, Int32, UInt8
 
-from relm_irl_jax.errors import InputError
+from relm_irl_jax.errors import InputError, first_line
 from relm_irl_jax.files import load_arrays_and_metadata, save_arrays
 from relm_irl_jax.scenes.scene import HEADINGS, Scene
 
@@ -257,8 +257,8 @@ def _load(path: Path, build: Callable[[Mapping[str, np.ndarray], Any], Saved]) -
         return build(arrays, json.loads(metadata[_FIELDS]))
     except KeyError as error:
         raise InputError(f"{path}: {error} is missing; remove the file and run `relm-irl evaluate` again.") from error
-    except (TypeError, ValueError, IndexError) as error:
-        raise InputError(f"{path}: {error}; remove the file and run `relm-irl evaluate` again.") from error
+    except (TypeError, ValueError, IndexError, OverflowError) as error:
+        raise InputError(f"{path}: {first_line(error)}; remove the file and run `relm-irl evaluate` again.") from error
 
 
 def _require(condition: bool, fault: str) -> None:

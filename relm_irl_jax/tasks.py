@@ -17,9 +17,10 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field, PositiveInt
+from pydantic import Field
 from pydantic.dataclasses import dataclass as settings_dataclass
 
+from relm_irl_jax.bounds import PositiveInt
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.scenes.objects import best_views
 from relm_irl_jax.scenes.scene import Scene
@@ -34,7 +35,7 @@ class TaskSettings:
 
     training_targets: PositiveInt = 20
     """Training targets, distributed over the training scenes (20 in the paper)."""
-    new_targets_per_scene: Annotated[int, Field(ge=2)] = 8
+    new_targets_per_scene: Annotated[PositiveInt, Field(ge=2)] = 8
     """Task II targets in each training scene: half near a training target, half best views of other objects."""
     cap: PositiveInt = 100
     """Steps after which an episode is truncated. The paper's text says 5000, but its tables fit 100."""

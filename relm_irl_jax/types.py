@@ -147,6 +147,14 @@ class TrainingLog:
             rows: the rows of all chunks so far.
         """
 
+    def stop(self, state: State, rows: list[Row]) -> None:
+        """Store the last valid state of a training that stops before its end.
+
+        Args:
+            state: the state after the last valid chunk.
+            rows: the rows of all chunks up to it.
+        """
+
 
 @runtime_checkable
 class Agent(Protocol):

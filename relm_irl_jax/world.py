@@ -6,15 +6,15 @@ scene and workers in different scenes step in one program.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float32, Int32
 
-from relm_irl_jax.errors import InputError
-from relm_irl_jax.scenes.scene import UNREACHABLE, Scene, successors
+from relm_irl_jax.scenes.scene import Scene
+from relm_irl_jax.tables import scene_offsets as scene_offsets
+from relm_irl_jax.tables import successor_table, target_tables
 from relm_irl_jax.tasks import Target
 
 
@@ -84,15 +84,12 @@ def build_world(scenes: Sequence[Scene], training: Sequence[Scene] | None = None
     Raises:
         InputError: a scene has no features.
     """
-    offsets = scene_offsets(scenes)
     sizes = [scene.n_states for scene in scenes]
     known = scenes if training is None else training
     room_types = list(dict.fromkeys(scene.room_type for scene in known))
     names = [scene.name for scene in known]
     return World(
-        successor=jnp.asarray(
-            np.concatenate([successors(s.graph) + o for s, o in zip(scenes, offsets, strict=True)]), jnp.int32
-        ),
+        successor=jnp.asarray(successor_table(scenes)),
         scene=jnp.asarray(np.repeat(np.arange(len(scenes)), sizes), jnp.int32),
         local=jnp.asarray(np.concatenate([np.arange(size) for size in sizes]), jnp.int32),
         features=jnp.asarray(np.concatenate([scene.encoded for scene in scenes]), jnp.float32),
@@ -105,18 +102,6 @@ def build_world(scenes: Sequence[Scene], training: Sequence[Scene] | None = None
 def _number(names: Sequence[str], name: str) -> int:
     """Position of a name in a list; -1 if it is not in the list."""
     return names.index(name) if name in names else -1
-
-
-def scene_offsets(scenes: Sequence[Scene]) -> list[int]:
-    """World number of each scene's first state.
-
-    Args:
-        scenes: the scenes in the order of the world.
-
-    Returns:
-        One offset for each scene.
-    """
-    return [int(offset) for offset in np.cumsum([0, *(scene.n_states for scene in scenes)])[:-1]]
 
 
 def build_targets(scenes: Sequence[Scene], targets: Sequence[Target]) -> Targets:
@@ -133,26 +118,11 @@ def build_targets(scenes: Sequence[Scene], targets: Sequence[Target]) -> Targets
         InputError: no other state of its scene can reach a target.
         ValueError: the targets are not in the order of their scenes.
     """
-    offsets = scene_offsets(scenes)
-    if any(later.scene < earlier.scene for earlier, later in pairwise(targets)):
-        raise ValueError("Targets must come in the order of their scenes.")
-    longest = max(scene.n_states for scene in scenes)
-    start = np.zeros((len(targets), longest), np.int32)
-    distance = np.full((len(targets), longest), UNREACHABLE, np.int32)
-    n_starts = np.zeros(len(targets), np.int32)
-    for row, target in enumerate(targets):
-        scene = scenes[target.scene]
-        to_target = scene.shortest_path_distance[:, target.state]
-        reachable = np.flatnonzero(to_target > 0)
-        if len(reachable) == 0:
-            raise InputError(f"{scene.name}: no state can reach target {target.state}; choose another target.")
-        start[row, : len(reachable)] = reachable + offsets[target.scene]
-        n_starts[row] = len(reachable)
-        distance[row, : scene.n_states] = to_target
+    tables = target_tables(scenes, targets)
     return Targets(
-        state=jnp.asarray([offsets[target.scene] + target.state for target in targets], jnp.int32),
-        scene=jnp.asarray([target.scene for target in targets], jnp.int32),
-        start=jnp.asarray(start),
-        n_starts=jnp.asarray(n_starts),
-        distance=jnp.asarray(distance),
+        state=jnp.asarray(tables.state),
+        scene=jnp.asarray(tables.scene),
+        start=jnp.asarray(tables.start),
+        n_starts=jnp.asarray(tables.n_starts),
+        distance=jnp.asarray(tables.distance),
     )

@@ -29,6 +29,9 @@ class InterruptedLog(RunFolderLog):
             raise Interrupted
         super().add(state, rows)
 
+    def stop(self, state, rows):
+        """Nothing, as in a process that is killed."""
+
 
 def interrupt(path: Path, train: Callable[[TrainingLog], Any], config: Config = EVERY_CHUNK) -> None:
     with pytest.raises(Interrupted), InterruptedLog(RunFolder(path), config, "rl", 0, lambda frames: None) as log:

@@ -12,22 +12,22 @@ MODULES = {
 }
 
 LAYERS = (
-    ("errors", "files", "frames", "progress", "lazy", "hardware"),
+    ("bounds", "errors", "files", "frames", "interruption", "progress", "lazy", "hardware"),
     ("scenes",),
     ("features",),
     ("experts", "demonstrations"),
     ("irl",),
     ("elm",),
-    ("tasks", "world", "env"),
+    ("tasks", "transitions", "tables", "world", "env"),
     ("rewards",),
     ("types",),
     ("agents",),
-    ("evaluation",),
+    ("evaluation", "batch_policies"),
     ("run_folder", "results", "saved_maps", "parameters", "cluster", "config", "run_config", "checkpoints"),
     ("stages",),
     ("report",),
     ("pipeline",),
-    ("gym", "registration", "play", "studies", "benchmarks"),
+    ("help_pages", "commands", "api", "gym", "registration", "play", "studies", "benchmarks"),
     ("cli", "__init__", "__main__"),
 )
 """A module imports from its own line or from lines above it."""
@@ -103,3 +103,10 @@ def test_public_functions_say_what_they_take_and_return():
         public = not function.name.startswith("_") and function in ast.iter_child_nodes(MODULES[module])
         if not module.startswith("benchmarks.") and public and len(function.args.args) > 2:
             assert "Args:" in documented, f"{module}.{function.name}"
+
+
+def test_agents_donate_no_state():
+    """The state before a chunk is saved if the chunk is interrupted, which a donated one cannot be."""
+    for module, tree in MODULES.items():
+        if module.startswith("agents."):
+            assert "donate" not in ast.unparse(tree), module

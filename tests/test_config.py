@@ -1,9 +1,11 @@
 """Configurations: files, refusals, and what trained agents depend on."""
 
-from dataclasses import replace
+import re
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 
 import pytest
+from command import relm_irl
 
 from relm_irl_jax.config import Config, config_from_dict, config_to_dict, fingerprint, load_config
 from relm_irl_jax.errors import InputError
@@ -78,3 +80,47 @@ def test_agents_do_not_depend_on_task_methods_seeds_or_evaluation():
 def test_methods_come_in_the_order_of_the_tables():
     assert Config(methods=("relm-irl", "random")).chosen_methods() == ("random", "relm-irl")
     assert len(Config().chosen_methods()) == 5
+
+
+def numeric_fields(settings, prefix=()):
+    """Every field of a configuration that holds a number, as path and value; None where the default is no number."""
+    for field in fields(settings):
+        value, path = getattr(settings, field.name), (*prefix, field.name)
+        if is_dataclass(value):
+            yield from numeric_fields(value, path)
+        elif not isinstance(value, bool) and re.search(r"\b(int|float)\b", str(field.type)):
+            yield path, value
+
+
+NUMBERS = {".".join(path): value for path, value in numeric_fields(Config())}
+
+
+def test_there_are_numbers():
+    assert {"frames", "siamese.learning_rate", "elm.ridge", "manual.step", "irl.max_margin.penalty"} <= set(NUMBERS)
+    assert len(NUMBERS) > 45
+
+
+def test_names_of_unknown_fields_are_text(tmp_path):
+    fields = {"metric": {"learning\n_rate": 1.0}, "\x1b[31mred\u2028": {}}
+    for name, value in fields.items():
+        with pytest.raises(InputError, match="unknown field") as refusal:
+            config_from_dict({name: value}, "c.json")
+        assert str(refusal.value).isprintable()
+
+
+def test_options_without_a_value_are_refused(tmp_path):
+    for option in ("--methods", "--frames", "--elm.hidden"):
+        code, _, said = relm_irl(tmp_path, "train", option)
+        assert code == 2
+        assert option.removeprefix("--") in said
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("name", NUMBERS)
+def test_every_number_is_finite_and_bounded_on_both_sides(name):
+    for value in (float("nan"), float("inf"), -float("inf"), 1e30, -1e30, 10**16, -(10**16), True):
+        nested = value
+        for key in reversed(name.split(".")):
+            nested = {key: nested}
+        with pytest.raises(InputError, match=rf"c\.json: {name}"):
+            config_from_dict(nested, "c.json")

@@ -52,12 +52,28 @@ def test_actions_have_names_and_trajectories_have_other_shapes(scene):
         ('{"states": 5, "actions": [0]}', "recorded.jsonl:1: not a JSON object"),
         ('{"states": [0, 9999999999], "actions": [0]}', "states are numbers"),
         ("nonsense", "recorded.jsonl:1: not a JSON object"),
+        ('{"states": [0, true], "actions": [1]}', "True is not a whole number"),
+        ('{"states": [0, 1.5], "actions": [1]}', "1.5 is not a whole number"),
+        ('{"states": [0, Infinity], "actions": [1]}', "states are numbers"),
+        ('{"states": [0, NaN], "actions": [1]}', "states are numbers"),
+        ('{"states": ["0", 1], "actions": [1]}', "'0' is not a whole number"),
+        ('{"states": [[0], 1], "actions": [1]}', "states are numbers"),
+        ('{"states": {"0": 0, "1": 1}, "actions": [1]}', "must be lists"),
+        ("[" * 100_000, "not a JSON object"),
     ],
 )
 def test_what_the_scene_does_not_allow_is_named(scene, tmp_path, line, message):
     (tmp_path / "recorded.jsonl").write_text(line + "\n")
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(InputError, match=message) as refusal:
         load_demonstrations(tmp_path / "recorded.jsonl", scene)
+    assert "\n" not in str(refusal.value)
+
+
+def test_a_file_of_another_encoding_is_refused(scene, tmp_path):
+    for content, message in ((b"caf\xe9", "is not UTF-8"), ("{}".encode("utf-16"), "is not UTF-8")):
+        (tmp_path / "recorded.jsonl").write_bytes(content)
+        with pytest.raises(InputError, match=message):
+            load_demonstrations(tmp_path / "recorded.jsonl", scene)
 
 
 def test_the_expert_does_what_was_demonstrated(scene):

@@ -10,9 +10,12 @@ import pytest
 from command import EXPERIMENT, QUICK, relm_irl
 from PIL import Image, ImageSequence
 
+from relm_irl_jax.config import load_config
+from relm_irl_jax.demonstrations import load_demonstrations_by_scene
 from relm_irl_jax.files import read_table
 from relm_irl_jax.parameters import load_parameters
 from relm_irl_jax.play.animation import FRAME_MILLISECONDS
+from relm_irl_jax.scenes.selection import training_scenes
 
 
 def succeed(folder, *arguments):
@@ -66,8 +69,9 @@ def test_the_same_seed_gives_the_same_results(first, folder):
     succeed(folder, "train", "--config", str(EXPERIMENT), "--run", "two", *QUICK, "--methods", "relm-irl")
     one, two = (json.loads((folder / run / "results.json").read_text())["rows"] for run in ("one", "two"))
     assert two == [row for row in one if row["method"] == "relm-irl"]
-    weights = [(folder / run / "agents" / "relm-irl-seed-0.safetensors").read_bytes() for run in ("one", "two")]
-    assert weights[0] == weights[1]
+    files = ("agents/relm-irl-seed-0.safetensors", "curves/relm-irl-seed-0.csv", "rewards/seed-0/relm-irl.safetensors")
+    for name in files:
+        assert (folder / "one" / name).read_bytes() == (folder / "two" / name).read_bytes(), name
 
 
 def test_a_finished_run_is_evaluated_without_training(first, folder):
@@ -158,3 +162,83 @@ def test_bad_input_is_one_sentence_and_exit_code_2(first, folder, arguments, sen
     assert code == 2
     assert sentence in " ".join(printed.replace("│", " ").split())
     assert "Traceback" not in printed
+
+
+MODULE = """
+import json, pathlib
+import numpy as np
+
+class Turner:
+    def __init__(self, seed):
+        self.seed = seed
+
+    def __call__(self, observation):
+        assert observation["view"].shape[1:] == observation["target"].shape[1:] == (32, 32, 3)
+        return np.ones(len(observation["view"]), int)
+
+def forward(observation):
+    return np.zeros(len(observation["view"]), int)
+
+number = 3
+"""
+
+
+def test_a_policy_of_the_user_gets_a_row_beside_the_run(first, folder, monkeypatch):
+    (folder / "turners.py").write_text(MODULE)
+    before = json.loads((folder / "one" / "results-II.json").read_text())
+    entry = ("--policy", "turners:Turner", "--obs", "frames", "--name", "turner")
+    out, _ = succeed(folder, "evaluate", "one", "--task", "II", *entry)
+    assert "turner" in out
+    after = json.loads((folder / "one" / "results-II.json").read_text())
+    own = [row for row in after["rows"] if row["method"] == "turner"]
+    assert [row for row in after["rows"] if row["method"] != "turner"] == before["rows"]
+    theirs = [(row["scene"], row["seed"], row["episodes"]) for row in before["rows"] if row["method"] == "rl"]
+    assert [(row["scene"], row["seed"], row["episodes"]) for row in own] == theirs
+    assert all(row["sr"] < 0.5 and row["ple"] > 40 for row in own)  # turning on the spot reaches three poses
+    assert "turner is not of this package" in (folder / "one" / "report.md").read_text()
+    # The same rows, measured elsewhere, under another name; the report, written above, is not drawn again.
+    monkeypatch.setattr("relm_irl_jax.pipeline.write_report", lambda folder: None)
+    (folder / "elsewhere.json").write_text(json.dumps(after | {"rows": own}))
+    succeed(folder, "evaluate", "one", "--results", "elsewhere.json", "--name", "twin")
+    twice = json.loads((folder / "one" / "results-II.json").read_text())["rows"]
+    assert [row | {"method": "turner"} for row in twice if row["method"] == "twin"] == own
+    assert {path.name for path in (folder / "one" / "entries" / "II").iterdir()} == {"turner.json", "twin.json"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["--policy", "turners"], "turners is no policy"),
+        (["--policy", "burners:forward"], "burners cannot be imported"),
+        (["--policy", "turners:backward"], "turners has no backward"),
+        (["--policy", "turners:number"], "is no function"),
+        (["--policy", "turners:forward", "--name", "rl"], "rl is a method of this package"),
+        (["--policy", "turners:forward", "--name", "../x"], "give up to 40"),
+        (["--policy", "turners:forward", "--results", "x.json"], "either a policy or results"),
+        (["--results", "x.json"], "x.json: cannot be read"),
+        (["--results", "one/results-II.json", "--name", "x"], "rows of several methods"),
+        (["--results", "one/results-II.json"], "is a method of this package"),
+        (["--results", "short.json"], "only one of them has"),
+    ],
+)
+def test_an_entry_that_cannot_be_used_is_one_sentence(first, folder, arguments, sentence):
+    (folder / "turners.py").write_text(MODULE)
+    results = json.loads((folder / "one" / "results-II.json").read_text())
+    results["rows"] = [results["rows"][0] | {"method": "short", "episodes": 7}]
+    (folder / "short.json").write_text(json.dumps(results))
+    code, _, err = relm_irl(folder, "evaluate", "one", *arguments)
+    assert (code, err.count("\n")) == (2, 1), err
+    assert sentence in err
+
+
+@pytest.mark.parametrize("options", [(), ("--method", "rl", "--task", "I", "--episodes", "2")])
+def test_demonstrations_of_a_run_are_written_and_read_again(first, folder, options):
+    out, _ = succeed(folder, "demonstrations", "one", "--out", "walks.jsonl", *options)
+    lines = [json.loads(line) for line in (folder / "walks.jsonl").read_text().splitlines()]
+    assert f"{len(lines)} demonstrations" in out
+    settings = load_config(folder / "one" / "config.json").scene
+    scenes = [load(views=False) for load in training_scenes("rooms", settings)]
+    read = load_demonstrations_by_scene(folder / "walks.jsonl", scenes)  # refuses what the scenes do not allow
+    assert sum(map(len, read)) == len(lines)
+    if not options:
+        assert len(lines) == 12 * 4

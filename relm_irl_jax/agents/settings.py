@@ -4,14 +4,12 @@ Numbers that do not change the shape of an array are passed to compiled function
 not compile again.
 """
 
-from typing import Annotated, Literal
+from typing import Literal
 
-from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
 from pydantic.dataclasses import dataclass
 
+from relm_irl_jax.bounds import Discount, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt, UnitInterval
 from relm_irl_jax.frames import Frames
-
-Discount = Annotated[float, Field(gt=0, lt=1)]
 
 FRAMES = {"siamese": 5_000_000, "metric": 5_000_000, "map": 256_000}
 """Training frames of each agent, unless the configuration says otherwise."""
@@ -129,7 +127,7 @@ class MapSettings:
     """Distinct views of a walk. The target is located after 1, 2, 4, ... of them."""
     targets: PositiveInt = 24
     """Targets of an update, the same for all walks."""
-    best_share: Annotated[float, Field(ge=0, le=1)] = 0.7
+    best_share: UnitInterval = 0.7
     """Share of the targets that show an object best, as the targets of tasks do; the others are any views."""
     learning_rate: PositiveFloat = 1.5e-3
     """AdamW's largest step size; constant over the first half of the training, then down to 0 along a cosine."""
@@ -141,7 +139,7 @@ class MapSettings:
     """Discount of a discovery per step."""
     caution: NonNegativeFloat = 3.0
     """Cost of entering a place per unit of log odds against its being free; chosen on rooms that no task uses."""
-    confident: Annotated[float, Field(ge=0, le=1)] = 0.5
+    confident: UnitInterval = 0.5
     """Probability of a pose above which the agent does not look around at the start."""
     turns: NonNegativeInt = 3
     """Largest number of turns when it looks around at the start."""

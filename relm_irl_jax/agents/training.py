@@ -1,16 +1,19 @@
 """The training loop over chunks of updates, and the learning curve: the parts of training that all agents share."""
 
 import dataclasses
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TypeVar, cast
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import optax
 from jaxtyping import Float64
 
 from relm_irl_jax.agents.rollout import EpisodeSums
+from relm_irl_jax.errors import DivergenceError
 from relm_irl_jax.types import Parameters, Row, State, TrainingLog
 
 Curve = TypeVar("Curve")
@@ -85,13 +88,57 @@ def run_chunks(
 
     Returns:
         The last state, and one row for each chunk.
+
+    Raises:
+        DivergenceError: a number of the training is not finite. The last valid state is stored, as after any other
+            interruption.
     """
-    state, rows = log.resume(state)
-    for number in range(len(rows), chunks.count):
-        state, row = run_chunk(state, number)
-        rows.append(row)
-        log.add(state, rows)
-    return state, rows
+    finished = log.resume(state)
+    try:
+        for number in range(len(finished[1]), chunks.count):
+            state, row = run_chunk(finished[0], number)
+            check_finite(state, row)
+            finished = state, [*finished[1], row]
+            log.add(*finished)
+    except (DivergenceError, KeyboardInterrupt, SystemExit):
+        log.stop(*finished)
+        raise
+    return finished
+
+
+def check_finite(state: State, row: Row) -> None:
+    """Check that a training still computes with numbers.
+
+    Args:
+        state: the state after a chunk; costs in it may be infinite, where there is no path.
+        row: the chunk's row; metrics of episodes are NaN if no episode ended.
+
+    Raises:
+        DivergenceError: a reward or loss is not finite, or an array of the state contains NaN.
+    """
+    for name, value in row.items():
+        if name.endswith(("reward", "loss")) and not math.isfinite(value):
+            raise _diverged(f"the mean {name.split('/')[-1].replace('_', ' ')}", row)
+    real = [
+        (path, leaf)
+        for path, leaf in jax.tree_util.tree_leaves_with_path(state)
+        if jnp.issubdtype(leaf.dtype, jnp.floating)
+    ]
+    for (path, _), undefined in zip(real, np.asarray(_any_nan([leaf for _, leaf in real])), strict=True):
+        if undefined:
+            raise _diverged(f"`{jax.tree_util.keystr(path, simple=True, separator='.')}`", row)
+
+
+@jax.jit
+def _any_nan(arrays: list[jax.Array]) -> jax.Array:
+    return jnp.asarray([jnp.isnan(array).any() for array in arrays], bool)
+
+
+def _diverged(what: str, row: Row) -> DivergenceError:
+    return DivergenceError(
+        f"the training diverged: {what} is not finite after {row['frames']:,.0f} frames; give a smaller learning rate "
+        "or smaller rewards, and another run folder."
+    )
 
 
 def learning_row(sums: EpisodeSums, number: int, chunks: Chunks) -> dict[str, float]:

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from sklearn.utils.validation import check_is_fitted
 
-from relm_irl_jax.elm.hidden_layer import HiddenLayer
+from relm_irl_jax.elm.hidden_layer import ACTIVATIONS, HiddenLayer
 from relm_irl_jax.elm.regressor import Diagnostics, ELMRegressor
-from relm_irl_jax.errors import InputError
+from relm_irl_jax.errors import InputError, first_line
 from relm_irl_jax.files import load_arrays_and_metadata, save_arrays
 
 FORMAT = "relm-irl-jax/elm"
@@ -22,6 +22,12 @@ FORMAT = "relm-irl-jax/elm"
 
 VERSION = 2
 """Version of the file format; `load_elm` refuses other versions."""
+
+FITTED = (
+    *("order_", "press_curve_", "n_selected_", "ridge_", "hidden_", "coef_", "intercept_", "diagnostics_"),
+    *("n_features_in_", "feature_names_in_", "_single_output"),
+)
+"""Attributes of a fitted regressor."""
 
 DATACLASSES = {"hidden_": HiddenLayer, "diagnostics_": Diagnostics}
 """Fitted attributes that are dataclasses, saved field by field."""
@@ -78,17 +84,54 @@ def load_elm(path: str | Path) -> ELMRegressor:
         raise InputError(f"{path} contains no regressor: its format is {metadata.get('format')!r}, not {FORMAT!r}.")
     if metadata.get("version") != str(VERSION):
         raise InputError(f"{path} has format version {metadata.get('version')}; this program reads {VERSION}.")
-    text = json.loads(metadata["model"])
+    try:
+        return _build(tensors, json.loads(metadata["model"]))
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    except (KeyError, TypeError, ValueError, AttributeError, RecursionError, OverflowError) as error:
+        reason = first_line(error)
+        raise InputError(f"{path}: contains no whole regressor ({reason}); save it again.") from error
+
+
+def _build(tensors: dict[str, np.ndarray], text: dict[str, Any]) -> ELMRegressor:
+    """Make a regressor of the contents of a file; only attributes of a fitted regressor are taken over."""
     model = ELMRegressor(**text["parameters"])
     attributes: dict[str, Any] = {**text["values"], **tensors}
+    for name in attributes:
+        if name.split(".")[0] not in FITTED:
+            raise InputError(f"`{name[:40]}` is no attribute of a fitted regressor; save it again.")
+    for name, tensor in tensors.items():
+        undefined = np.isnan(tensor) if name == "press_curve_" else ~np.isfinite(tensor)
+        if undefined.any():
+            raise InputError(f"tensor `{name}` is not finite; fit the regressor again.")
     errors = attributes["diagnostics_.ridge_errors"].items()  # JSON has converted the keys to strings
     attributes["diagnostics_.ridge_errors"] = {float(penalty): error for penalty, error in errors}
     for name, kind in DATACLASSES.items():
         attributes[name] = kind(**{field.name: attributes.pop(f"{name}.{field.name}") for field in fields(kind)})
     if "feature_names_in_" in attributes:
         attributes["feature_names_in_"] = np.asarray(attributes["feature_names_in_"], object)
+    _check_attributes(attributes)
     vars(model).update(attributes)
     return model
+
+
+def _check_attributes(attributes: dict[str, Any]) -> None:
+    """Raise an InputError unless all attributes of a fitted regressor are there and fit each other."""
+    missing = [name for name in FITTED if name not in attributes and name != "feature_names_in_"]
+    if missing:
+        raise InputError(f"`{missing[0]}` is missing; save it again.")
+    hidden, coefficients, intercept = attributes["hidden_"], attributes["coef_"], attributes["intercept_"]
+    if hidden.activation not in ACTIVATIONS:
+        raise InputError(f"the activation {str(hidden.activation)[:40]!r} is unknown; save it again.")
+    real = (hidden.mean, hidden.scale, hidden.weights, hidden.bias, coefficients, intercept)
+    if not all(isinstance(array, np.ndarray) and array.dtype == np.float64 for array in real):
+        raise InputError("its tensors are not in double precision; save it again.")
+    selected, inputs = attributes["n_selected_"], attributes["n_features_in_"]
+    shapes = tuple(array.shape for array in real[:4])
+    if shapes != ((inputs,), (inputs,), (inputs, selected), (selected,)) or (
+        coefficients.shape != (selected, *intercept.shape)
+    ):
+        raise InputError("the shapes of its tensors contradict each other; save it again.")
 
 
 def _plain(value: Any) -> Any:

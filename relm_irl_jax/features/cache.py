@@ -1,6 +1,7 @@
 """Features on disk. The file name is a checksum of the views and the encoder's fingerprint."""
 
 import hashlib
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,11 +10,11 @@ from jaxtyping import Float32
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
+from relm_irl_jax.errors import InputError
 from relm_irl_jax.features.encoder import Encoder, Views, encode
 from relm_irl_jax.features.resnet import N_FEATURES
-from relm_irl_jax.files import write_bytes
+from relm_irl_jax.files import cache_folder, write_bytes
 from relm_irl_jax.progress import console
-from relm_irl_jax.scenes.rooms.cache import cache_folder
 from relm_irl_jax.scenes.scene import Scene
 
 
@@ -43,7 +44,8 @@ def encode_cached(
                 f"{path.name}: features are damaged ({error}); encoding again", style="yellow", highlight=False
             )
     features = encode(encoder, views, description)
-    _save(features, path)
+    with suppress(OSError):  # without a cache folder, the features are computed again
+        _save(features, path)
     return features
 
 
@@ -56,8 +58,16 @@ def encode_scene(scene: Scene, encoder: Encoder) -> Scene:
 
     Returns:
         The scene with features.
+
+    Raises:
+        InputError: a feature is not finite.
     """
     features = encode_cached(scene.views, encoder, cache_folder() / "features", f"encoding {scene.name}")
+    if not np.isfinite(features).all():
+        view = int(np.flatnonzero(~np.isfinite(features).all(1))[0])
+        raise InputError(
+            f"{scene.name}: the features of view {view} are not finite; give other encoder.weights than {encoder.name}."
+        )
     return replace(scene, features=features, encoder=encoder.name)
 
 

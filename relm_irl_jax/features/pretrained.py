@@ -10,8 +10,9 @@ from huggingface_hub import get_hf_file_metadata, hf_hub_download, hf_hub_url
 from safetensors import SafetensorError
 from safetensors.numpy import load_file
 
-from relm_irl_jax.errors import InputError
-from relm_irl_jax.features.weights import expected_shapes
+from relm_irl_jax.errors import InputError, first_line
+from relm_irl_jax.features.resnet import layers
+from relm_irl_jax.features.weights import expected_shapes, fold_layer
 
 IGNORED = ("fc.weight", "fc.bias")
 """Tensors of a state dict that the encoder does not use, besides every `num_batches_tracked`."""
@@ -110,8 +111,9 @@ def load_state_dict(path: Path) -> dict[str, np.ndarray]:
         raise InputError(f"{path}: no such file; encoder.weights is random, {', '.join(PUBLISHED)} or a file.")
     try:
         tensors = load_file(path)
-    except SafetensorError as error:
-        raise InputError(f"{path}: not a readable safetensors file ({error}).") from error
+    except (SafetensorError, OSError, TypeError, ValueError, KeyError, AttributeError) as error:  # unknown number types
+        reason = first_line(error)
+        raise InputError(f"{path}: not a readable safetensors file ({reason}).") from error
     expected = expected_shapes()
     for name, shape in expected.items():
         if name not in tensors:
@@ -120,11 +122,19 @@ def load_state_dict(path: Path) -> dict[str, np.ndarray]:
             raise InputError(f"{path}: tensor {name} has shape {tensors[name].shape}, expected {shape}.")
         if not np.issubdtype(tensors[name].dtype, np.floating):
             raise InputError(f"{path}: tensor {name} has type {tensors[name].dtype}, expected floating point.")
+        with np.errstate(over="ignore"):
+            tensors[name] = tensors[name].astype(np.float32)
         if not np.isfinite(tensors[name]).all():
-            raise InputError(f"{path}: tensor {name} has values that are not finite.")
+            raise InputError(f"{path}: tensor {name} has values that are not finite in single precision.")
         if name.endswith("running_var") and (tensors[name] < 0).any():
             raise InputError(f"{path}: tensor {name} has negative variances.")
     for name in tensors:
         if name not in expected and name not in IGNORED and not name.endswith("num_batches_tracked"):
             raise InputError(f"{path}: tensor {name} is not one of torchvision's resnet50.")
-    return {name: tensors[name].astype(np.float32) for name in expected}
+    state = {name: tensors[name] for name in expected}
+    for layer in layers():
+        with np.errstate(all="ignore"):
+            folded = fold_layer(state, layer)
+        if not all(np.isfinite(part).all() for part in folded):
+            raise InputError(f"{path}: tensors of {layer.batch_norm} overflow in single precision.")
+    return state

@@ -10,7 +10,6 @@ from relm_irl_jax.lazy import lazy_getattr
 
 if TYPE_CHECKING:
     from relm_irl_jax.irl.expectations import feature_expectations as feature_expectations
-    from relm_irl_jax.irl.methods import IrlMethodSettings as IrlMethodSettings
     from relm_irl_jax.irl.methods import learn_weights as learn_weights
     from relm_irl_jax.irl.parallel import solve_many as solve_many
     from relm_irl_jax.irl.problem import MaxMarginProblem as MaxMarginProblem
@@ -18,13 +17,14 @@ if TYPE_CHECKING:
     from relm_irl_jax.irl.problem import relative_features as relative_features
     from relm_irl_jax.irl.problem import reward as reward
     from relm_irl_jax.irl.reference import reference_max_margin as reference_max_margin
+    from relm_irl_jax.irl.settings import IrlMethodSettings as IrlMethodSettings
     from relm_irl_jax.irl.solution import Solution as Solution
     from relm_irl_jax.irl.solution import Status as Status
     from relm_irl_jax.irl.solver import max_margin as max_margin
 
 _MODULES = {
     "feature_expectations": "expectations",
-    "IrlMethodSettings": "methods",
+    "IrlMethodSettings": "settings",
     "learn_weights": "methods",
     "solve_many": "parallel",
     "MaxMarginProblem": "problem",

@@ -11,17 +11,15 @@ The margin t = ‖w‖ falls to 0. Abbeel and Ng then mix the policies. Here the
 optimal policy came closest to the expert. All features are relative to the target's, see `problem.py`.
 """
 
-from typing import Literal
-
 import numpy as np
 from jaxtyping import Float64
-from pydantic.dataclasses import dataclass as settings_dataclass
 from scipy.sparse import csc_array
 
 from relm_irl_jax.irl.clarabel_solver import minimise_quadratic
 from relm_irl_jax.irl.expectations import mean_feature_expectations
 from relm_irl_jax.irl.policy_iteration import next_states, optimal_policy
 from relm_irl_jax.irl.problem import MaxMarginProblem, check_problem, relative_features
+from relm_irl_jax.irl.settings import ApprenticeshipSettings
 from relm_irl_jax.irl.solution import Solution, Status, normalised_solution
 
 MAX_ROUNDS = 100
@@ -29,14 +27,6 @@ MAX_ROUNDS = 100
 
 TOLERANCE = 1e-6
 """Distance from μ_E at which to stop, relative to the first policy's distance."""
-
-
-@settings_dataclass(frozen=True)
-class ApprenticeshipSettings:
-    """Variant of apprenticeship learning."""
-
-    variant: Literal["projection", "max-margin"] = "projection"
-    """How the next w is chosen."""
 
 
 def apprenticeship(

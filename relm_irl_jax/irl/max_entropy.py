@@ -14,12 +14,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
-from pydantic import PositiveFloat
-from pydantic.dataclasses import dataclass as settings_dataclass
 from scipy.optimize import minimize
 
 from relm_irl_jax.irl.expectations import mean_feature_expectations
 from relm_irl_jax.irl.problem import MaxMarginProblem, check_problem, relative_features, start_distribution
+from relm_irl_jax.irl.settings import MaxEntropySettings
 from relm_irl_jax.irl.solution import Solution, Status, normalised_solution
 
 MAX_ITERATIONS = 500
@@ -27,14 +26,6 @@ MAX_ITERATIONS = 500
 
 TOLERANCE = 1e-4
 """Largest entry of the gradient at which to stop, relative to the largest entry of μ_E."""
-
-
-@settings_dataclass(frozen=True)
-class MaxEntropySettings:
-    """Regulariser of maximum-entropy inverse reinforcement learning."""
-
-    regularisation: PositiveFloat = 1e-4
-    """Weight λ of ½‖w‖²; without it, w diverges for a deterministic expert."""
 
 
 def max_entropy(

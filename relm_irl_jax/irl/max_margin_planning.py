@@ -14,22 +14,13 @@ Inserting the dual gives one compact program:
 """
 
 import numpy as np
-from pydantic import PositiveFloat
-from pydantic.dataclasses import dataclass as settings_dataclass
 from scipy.sparse import block_array, coo_array, csc_array, csr_array, diags_array, eye_array
 
 from relm_irl_jax.irl.clarabel_solver import minimise_quadratic
 from relm_irl_jax.irl.expectations import mean_feature_expectations
 from relm_irl_jax.irl.problem import MaxMarginProblem, check_problem, relative_features, start_distribution
+from relm_irl_jax.irl.settings import MaxMarginPlanningSettings
 from relm_irl_jax.irl.solution import Solution, Status, normalised_solution, unsolved
-
-
-@settings_dataclass(frozen=True)
-class MaxMarginPlanningSettings:
-    """Settings of maximum-margin planning."""
-
-    regularisation: PositiveFloat = 1e-4
-    """Weight λ of ½‖w‖²."""
 
 
 def max_margin_planning(

@@ -1,37 +1,16 @@
 """All methods of inverse reinforcement learning: one function, `learn_weights`, and one settings class."""
 
 from collections.abc import Sequence
-from typing import Literal
-
-from pydantic.dataclasses import dataclass as settings_dataclass
 
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.irl.apprenticeship import ApprenticeshipSettings, apprenticeship
-from relm_irl_jax.irl.max_entropy import MaxEntropySettings, max_entropy
-from relm_irl_jax.irl.max_margin_planning import MaxMarginPlanningSettings, max_margin_planning
+from relm_irl_jax.irl.apprenticeship import apprenticeship
+from relm_irl_jax.irl.max_entropy import max_entropy
+from relm_irl_jax.irl.max_margin_planning import max_margin_planning
 from relm_irl_jax.irl.parallel import solve_many
-from relm_irl_jax.irl.problem import MaxMarginProblem, MaxMarginSettings
+from relm_irl_jax.irl.problem import MaxMarginProblem
+from relm_irl_jax.irl.settings import IrlMethodSettings
 from relm_irl_jax.irl.solution import Solution, Status, unsolved
 from relm_irl_jax.progress import progress_bar
-
-Method = Literal["max-margin", "apprenticeship", "max-margin-planning", "max-entropy"]
-
-
-@settings_dataclass(frozen=True)
-class IrlMethodSettings:
-    """The method of inverse reinforcement learning, and the settings of each method."""
-
-    method: Method = "max-margin"
-    """`max-margin` (the paper's), `apprenticeship` (Abbeel and Ng, 2004), `max-margin-planning` (Ratliff et al., 2006)
-    or `max-entropy` (Ziebart et al., 2008)."""
-    max_margin: MaxMarginSettings = MaxMarginSettings()
-    """The maximum-margin method. All methods use its `discount` and `r_max`."""
-    apprenticeship: ApprenticeshipSettings = ApprenticeshipSettings()
-    """Apprenticeship learning."""
-    max_margin_planning: MaxMarginPlanningSettings = MaxMarginPlanningSettings()
-    """Maximum-margin planning."""
-    max_entropy: MaxEntropySettings = MaxEntropySettings()
-    """Maximum-entropy inverse reinforcement learning."""
 
 
 def learn_weights(

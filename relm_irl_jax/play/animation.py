@@ -40,7 +40,8 @@ def play(config: Config, folder: RunFolder, choice: AgentChoice, episode: int) -
     played = []
     _, paths = paths_of_agent(config, folder, encode_training(config), choice, episode)
     with progress_bar("drawing episodes", len(paths), "scenes") as advance:
-        for scene, episode_path in paths:
+        for load, episode_path in paths:
+            scene = load()
             file = folder.animation(method, choice.task, scene.name, episode)
             write_gif(file, scene, episode_path)
             played.append((file, episode_path))

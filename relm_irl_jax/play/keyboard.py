@@ -50,16 +50,19 @@ def scene_and_targets_of_run(config: Config, task: str, seed: int, name: str | N
     Raises:
         InputError: the task has no such scene.
     """
-    training = training_scenes(config.scenes, config.scene)
-    unseen = unseen_scenes(config.scenes, config.scene) if task == "III" else []
+    loaders = training_scenes(config.scenes, config.scene)
+    training = [load(views=False) for load in loaders]
+    if task == "III":
+        loaders = unseen_scenes(config.scenes, config.scene)
+    unseen = [load(views=False) for load in loaders] if task == "III" else []
     scenes = unseen if task == "III" else training
     targets = draw_split(training, unseen, config.tasks, seed).of_task(task, config.evaluation)
     states = {scene.name: [t.state for t in targets if t.scene == number] for number, scene in enumerate(scenes)}
-    with_targets = {scene.name: scene for scene in scenes if states[scene.name]}
+    with_targets = {scene.name: load for scene, load in zip(scenes, loaders, strict=True) if states[scene.name]}
     chosen = next(iter(with_targets)) if name is None else name
     if chosen not in with_targets:
         raise InputError(f"scene: Task {task} has no targets in {chosen}; give one of {', '.join(with_targets)}.")
-    return with_targets[chosen], states[chosen]
+    return with_targets[chosen](), states[chosen]
 
 
 def scene_and_targets(scene: str, target: str | None) -> tuple[Scene, list[int]]:

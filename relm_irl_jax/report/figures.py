@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.files import read_numbers, write_bytes, write_table
@@ -60,6 +61,10 @@ def save_figure(figure: Figure, path: Path, table: Mapping[str, Any]) -> None:
         path: the PNG file; the CSV file has the same name with another suffix.
         table: the data of the figure, as named columns of equal length.
     """
+    # Names are text: a dollar sign in one begins no formula. Labels of logarithmic axes are made later.
+    for text in figure.findobj(Text):
+        if isinstance(text, Text) and "$" in text.get_text():
+            text.set_parse_math(False)
     buffer = io.BytesIO()
     figure.savefig(buffer, dpi=FIGURE_DPI, format="png")
     write_table(path.with_suffix(".csv"), table)
@@ -86,7 +91,7 @@ def bar_figure(bars: Mapping[str, Sequence[MeanInterval]], columns: Sequence[str
         error = [value.half_width for value in values]
         name = method_name(method)
         panel.bar(position, means, 0.92 * width, yerr=error, capsize=3, color=method_colour(method), label=name)
-    panel.set_xticks(np.arange(len(columns)), columns)
+    panel.set_xticks(np.arange(len(columns)), columns, parse_math=False)
     panel.set(ylabel=label, ylim=(0, None))
     figure.legend(loc="outside upper center", ncols=len(bars), frameon=False)
     return figure

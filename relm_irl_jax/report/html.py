@@ -2,8 +2,10 @@
 
 import base64
 import html
+import re
 from collections.abc import MutableMapping, Sequence
 from pathlib import Path
+from urllib.parse import unquote
 
 from markdown_it import MarkdownIt
 from markdown_it.renderer import RendererHTML
@@ -51,11 +53,11 @@ def render_page(text: str, folder: Path) -> str:
     Returns:
         A complete HTML page that needs no other file.
     """
-    markdown = MarkdownIt("commonmark", {"html": False}).enable("table")
+    markdown = MarkdownIt("commonmark", {"html": False}).enable("table").disable(["link", "autolink", "reference"])
     for name, rule in RULES.items():
         markdown.add_render_rule(name, rule)
     body = markdown.render(text, {"folder": folder})
-    title = html.escape(text.splitlines()[0].lstrip("# "))
+    title = html.escape(re.sub(r"\\(?=[^\w\s])", "", text.splitlines()[0].lstrip("# ")))
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
@@ -91,12 +93,14 @@ def _close_paragraph(
 def _picture(self: RendererHTML, tokens: Sequence[Token], index: int, options: OptionsDict, env: MutableMapping) -> str:
     """An embedded PNG image; a wide image is in a scrollable box on narrow screens."""
     token = tokens[index]
-    path = env["folder"] / str(token.attrs["src"])
+    path = env["folder"] / unquote(str(token.attrs["src"]))
     try:
+        if not path.resolve().is_relative_to(env["folder"].resolve()):
+            raise OSError("a file outside of the report's folder")
         content = path.read_bytes()
         with Image.open(path) as picture:
             width, height = picture.size
-    except OSError:
+    except Exception:  # damaged pictures cause many kinds of exceptions
         return f"<p>{html.escape(str(token.attrs['src']))} cannot be read and is not shown.</p>"
     shape = "wide" if width > 1.8 * height else "narrow"
     shown = round(width * SCREEN_DPI / FIGURE_DPI)

@@ -16,7 +16,7 @@ from relm_irl_jax.errors import InputError
 from relm_irl_jax.files import read_numbers
 from relm_irl_jax.report.figures import method_colour
 from relm_irl_jax.report.intervals import mean_interval, mean_intervals
-from relm_irl_jax.report.names import method_name
+from relm_irl_jax.report.names import as_text, method_name
 
 WINDOW = 5
 """Number of chunks of the running mean."""
@@ -204,5 +204,5 @@ def success_table(curves: MethodCurves) -> str:
         thousands = np.asarray([frames_to_success(curve) for curve in by_seed.values()]) / 1e3
         reached = int(np.isfinite(thousands).sum())
         shown = f"{mean_interval(thousands.tolist()):,.0f}" if reached == len(by_seed) else "–"
-        lines.append(f"| {method_name(method)} | {shown} | {reached} of {len(by_seed)} |")
+        lines.append(f"| {as_text(method_name(method))} | {shown} | {reached} of {len(by_seed)} |")
     return "\n".join(lines)

@@ -1,5 +1,6 @@
 """Names of methods, agents, metrics, tasks and room types in the report."""
 
+import re
 from collections.abc import Collection, Sequence
 
 METHOD_NAMES = {"random": "Random", "bc": "BC", "rl": "RL", "irl": "IRL", "elm-irl": "ELM-IRL", "relm-irl": "RELM-IRL"}
@@ -22,6 +23,54 @@ TASK_NAMES = {
     "III": "similar targets in unseen scenes",
 }
 """Descriptions of the tasks."""
+
+
+MARKUP = re.compile(r"[\\`*\[\]<>|&~$]|(?<!\w)_|_(?!\w)|:(?=//)|@|(?<=www)\.|(?<=^)[#+=-]|!(?=\[)", re.IGNORECASE)
+"""Characters that are markup in Markdown, with those that GitHub makes links of."""
+
+
+def as_text(value: str) -> str:
+    """Text of a file (a name, a category, a message) as Markdown that shows the same text and nothing else.
+
+    Args:
+        value: the text.
+
+    Returns:
+        One line of Markdown.
+    """
+    return MARKUP.sub(lambda match: f"\\{match[0]}", _one_line(value))
+
+
+def as_code(value: str) -> str:
+    """Text of a file as code, for paths.
+
+    Args:
+        value: the text.
+
+    Returns:
+        One line of Markdown.
+    """
+    line = _one_line(value)
+    fence = "`" * (1 + max(map(len, re.findall("`+", line)), default=0))
+    return f"{fence} {line} {fence}" if "`" in line or not line.strip() else f"{fence}{line}{fence}"
+
+
+def as_message(value: str) -> str:
+    """A message of an error as Markdown: words in single backticks stay code.
+
+    Args:
+        value: the message.
+
+    Returns:
+        One line of Markdown.
+    """
+    parts = re.split(r"(`[\w.=/ -]+`)", _one_line(value))
+    return "".join(part if number % 2 else as_text(part) for number, part in enumerate(parts))
+
+
+def _one_line(value: str) -> str:
+    """Replace line breaks, other control characters and characters that cannot be encoded by blanks."""
+    return "".join(c if c.isprintable() else " " for c in value)
 
 
 def in_order(methods: Collection[str]) -> list[str]:

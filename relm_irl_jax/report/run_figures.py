@@ -8,7 +8,7 @@ from typing import TypeVar
 
 from matplotlib.figure import Figure
 
-from relm_irl_jax.errors import InputError
+from relm_irl_jax.errors import InputError, first_line
 from relm_irl_jax.report.episodes import episode_caption, episode_columns, episode_figure
 from relm_irl_jax.report.figures import (
     DrawnFigure,
@@ -22,7 +22,7 @@ from relm_irl_jax.report.learning_curves import TrainingCurve, band_columns, lea
 from relm_irl_jax.report.maps import distance_caption, distance_figure, map_columns, reward_caption, reward_figure
 from relm_irl_jax.report.names import heading
 from relm_irl_jax.report.tables import columns_of, interval_of, methods_of, seeds_of
-from relm_irl_jax.results import LEARNED, PREDICTED, Results, RewardQualityRow, Task, load_reward_quality
+from relm_irl_jax.results import LEARNED, OWN, PREDICTED, Results, RewardQualityRow, Task, load_reward_quality
 from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.saved_maps import StateMap, load_episodes, load_map
 
@@ -48,8 +48,8 @@ class RunData:
 
     @property
     def trained(self) -> dict[str, list[int]]:
-        """The seeds of each method in the results."""
-        rows = [row for results in self.results.values() for row in results.rows]
+        """The seeds of each method that was trained in this run."""
+        rows = [row for results in self.results.values() for row in results.rows if row.agent != OWN]
         return {method: seeds_of([row for row in rows if row.method == method]) for method in methods_of(rows)}
 
     @property
@@ -60,7 +60,7 @@ class RunData:
     @property
     def agent(self) -> str:
         """The agent of the results; empty if there is none but Random."""
-        agents = {row.agent for results in self.results.values() for row in results.rows} - {"random"}
+        agents = {row.agent for results in self.results.values() for row in results.rows} - {"random", OWN}
         return min(agents, default="")
 
     @property
@@ -83,6 +83,25 @@ class RunData:
         except InputError as error:
             self.faults.append(str(error))
             return None
+
+    def drawn(self, name: str, draw: Callable[[], list[DrawnFigure]]) -> list[DrawnFigure]:
+        """Draw figures; if that fails, add the error to `faults`.
+
+        Args:
+            name: what is drawn.
+            draw: draws the figures.
+
+        Returns:
+            The figures; an empty list if they cannot be drawn.
+        """
+        try:
+            return draw()
+        except InputError as error:
+            self.faults.append(str(error))
+        except Exception as error:  # a figure that cannot be drawn, for whatever reason, never costs the report
+            reason = first_line(error)
+            self.faults.append(f"figure {name}: cannot be drawn ({reason}).")
+        return []
 
     def curves(self) -> dict[str, dict[int, TrainingCurve]]:
         """The learning curves of every method and seed; all curves of a method have the same frames.
@@ -149,12 +168,16 @@ def press_curve_figure(data: RunData) -> list[DrawnFigure]:
     if not curves:
         return []
     path = data.folder.figure("press")
-    save_figure(press_figure(curves), path, press_columns(curves))
     caption = (
         "Leave-one-out error (PRESS) of RELM-IRL's regressor on the demonstrated pairs against the number of neurons, "
         "one curve for each seed, minima marked (as the paper's Figure 9)"
     )
-    return [DrawnFigure(path, "Leave-one-out error against neurons", caption)]
+
+    def draw() -> list[DrawnFigure]:
+        save_figure(press_figure(curves), path, press_columns(curves))
+        return [DrawnFigure(path, "Leave-one-out error against neurons", caption)]
+
+    return data.drawn("press", draw)
 
 
 def prediction_figure(data: RunData) -> list[DrawnFigure]:
@@ -178,10 +201,14 @@ def prediction_figure(data: RunData) -> list[DrawnFigure]:
     ]
     path = data.folder.figure("figure-11")
     names = ("method", "column", "spl", "half_width")
-    figure = bar_figure(bars, [heading(column) for column in columns], "SPL on Task III")
-    save_figure(figure, path, dict(zip(names, zip(*table, strict=True), strict=True)))
     caption = "SPL of ELM-IRL and RELM-IRL on Task III, before and after regularisation (the paper's Figure 11)"
-    return [DrawnFigure(path, "ELM-IRL and RELM-IRL on Task III", caption)]
+
+    def draw() -> list[DrawnFigure]:
+        figure = bar_figure(bars, [heading(column) for column in columns], "SPL on Task III")
+        save_figure(figure, path, dict(zip(names, zip(*table, strict=True), strict=True)))
+        return [DrawnFigure(path, "ELM-IRL and RELM-IRL on Task III", caption)]
+
+    return data.drawn("figure-11", draw)
 
 
 def episode_figures(data: RunData) -> list[DrawnFigure]:
@@ -193,14 +220,16 @@ def episode_figures(data: RunData) -> list[DrawnFigure]:
     Returns:
         One figure for each task.
     """
-    drawn = []
-    for task in data.results:
+
+    def draw(task: Task) -> list[DrawnFigure]:
         episodes = data.read(load_episodes, data.folder.episodes(task))
-        if episodes:
-            path = data.folder.figure(f"episodes-{task}")
-            save_figure(episode_figure(episodes), path, episode_columns(episodes))
-            drawn.append(DrawnFigure(path, f"Episodes of Task {task} from above", episode_caption(episodes, task)))
-    return drawn
+        if not episodes:
+            return []
+        path = data.folder.figure(f"episodes-{task}")
+        save_figure(episode_figure(episodes), path, episode_columns(episodes))
+        return [DrawnFigure(path, f"Episodes of Task {task} from above", episode_caption(episodes, task))]
+
+    return [figure for task in data.results for figure in data.drawn(f"episodes-{task}", partial(draw, task))]
 
 
 def map_figures(data: RunData) -> list[DrawnFigure]:
@@ -218,8 +247,12 @@ def map_figures(data: RunData) -> list[DrawnFigure]:
         saved = data.read(load_map, file)
         if saved is not None:
             path = data.folder.figure(file.stem)
-            save_figure(figure(saved), path, map_columns(saved))
-            drawn.append(DrawnFigure(path, title.format(scene=saved.poses.name), caption(saved)))
+
+            def save() -> list[DrawnFigure]:
+                save_figure(figure(saved), path, map_columns(saved))
+                return [DrawnFigure(path, title.replace("{scene}", saved.poses.name), caption(saved))]
+
+            drawn.extend(data.drawn(file.stem, save))
 
     for task in data.results:
         title = f"Distances to a target of Task {task} in {{scene}}"

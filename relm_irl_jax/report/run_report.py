@@ -1,7 +1,9 @@
 """The report of a run, made from its folder only: tables with the paper's numbers, figures, hardware, configuration."""
 
+import json
 from collections.abc import Sequence
 from pathlib import Path
+from urllib.parse import quote
 
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.files import write_bytes, write_table
@@ -17,7 +19,7 @@ from relm_irl_jax.report.comparison import (
 from relm_irl_jax.report.figures import DrawnFigure
 from relm_irl_jax.report.html import render_page
 from relm_irl_jax.report.learning_curves import success_columns, success_table
-from relm_irl_jax.report.names import AGENT_NAMES, TASK_NAMES
+from relm_irl_jax.report.names import AGENT_NAMES, TASK_NAMES, as_code, as_message, as_text, listed
 from relm_irl_jax.report.run_figures import (
     RunData,
     episode_figures,
@@ -28,7 +30,7 @@ from relm_irl_jax.report.run_figures import (
 )
 from relm_irl_jax.report.run_settings import RunSettings, load_run_settings
 from relm_irl_jax.report.tables import markdown_table, quality_table, table_columns
-from relm_irl_jax.results import load_all_results
+from relm_irl_jax.results import OWN, load_all_results
 from relm_irl_jax.run_folder import RunFolder
 
 BUILT_IN = "rooms"
@@ -49,7 +51,11 @@ def write_report(folder: RunFolder) -> Path:
     """
     load_run_settings(folder)  # raises if the folder contains no run
     tasks = list(load_all_results(folder))
-    title = f"# Task {' and '.join(tasks)}" if len(tasks) < 3 else f"# {folder.path.name}: Tasks {', '.join(tasks)}"
+    title = (
+        f"# Task {' and '.join(tasks)}"
+        if len(tasks) < 3
+        else f"# {as_text(folder.path.name)}: Tasks {', '.join(tasks)}"
+    )
     text = [title, "", *run_sections(folder, folder.path, "##"), *circumstances(folder, "##")]
     return write_page(text, folder.path)
 
@@ -65,8 +71,8 @@ def write_page(text: Sequence[str], folder: Path) -> Path:
         The Markdown file.
     """
     path = folder / "report.md"
-    write_bytes(path, "\n".join(text).encode())
-    write_bytes(folder / "report.html", render_page("\n".join(text), folder).encode())
+    write_bytes(path, "\n".join(text).encode(errors="replace"))
+    write_bytes(folder / "report.html", render_page("\n".join(text), folder).encode(errors="replace"))
     return path
 
 
@@ -110,19 +116,19 @@ def circumstances(folder: RunFolder, heading: str) -> list[str]:
     """
     settings = load_run_settings(folder)
     cap = next(iter(load_all_results(folder).values())).cap
-    scenes = "Procedural rooms" if settings.scenes == BUILT_IN else f"Scenes of `{settings.scenes}`"
+    scenes = "Procedural rooms" if settings.scenes == BUILT_IN else f"Scenes of {as_code(settings.scenes)}"
     return [
         f"{heading} Where this differs from the paper",
         "",
-        f"{scenes} instead of AI2-THOR; an encoder with weights `{settings.weights}` instead of ImageNet's; "
-        f"{settings.training} and {cap} steps per episode, where the paper's text says 5000 "
-        f"and its tables fit 100; {AGENT_NAMES.get(settings.agent, f'agent `{settings.agent}`')}.",
+        f"{scenes} instead of AI2-THOR; an encoder with weights {as_code(settings.weights)} instead of ImageNet's; "
+        f"{as_text(settings.training)} and {cap} steps per episode, where the paper's text says 5000 "
+        f"and its tables fit 100; {AGENT_NAMES.get(settings.agent, f'agent {as_code(settings.agent)}')}.",
         "",
         *_hardware(folder, heading),
         f"{heading} Configuration",
         "",
         "```json",
-        folder.config.read_text().strip(),
+        json.dumps(json.loads(folder.config.read_bytes()), indent=1),
         "```",
         "",
     ]
@@ -134,13 +140,16 @@ def _summary(settings: RunSettings, data: RunData) -> list[str]:
     rows = [row for results in data.results.values() for row in results.rows]
     episodes = " or ".join(map(str, sorted({row.episodes for row in rows})))
     seeds = f"seed{'s' if len(data.seeds) > 1 else ''} {', '.join(map(str, data.seeds))}"
-    detail = {"metric": f" (hindsight: {settings.hindsight})", "map": f" (memory at the start: {settings.map_memory})"}
-    agent = f"{settings.agent} agent{detail.get(settings.agent, '')}"
+    detail = {
+        "metric": f" (hindsight: {as_text(settings.hindsight)})",
+        "map": f" (memory at the start: {as_text(settings.map_memory)})",
+    }
+    agent = f"{as_text(settings.agent)} agent{detail.get(settings.agent, '')}"
     actions = "drawn from the policy" if settings.policy == "sample" else "of highest probability"
     uniform = "" if settings.new_targets == "paper" else ", Task II's targets drawn uniformly"
     return [
-        f"Scenes `{settings.scenes}`, encoder {first.encoder}, {agent}, cap {first.cap} steps, {episodes} episodes for "
-        f"each scene, {settings.training}, {seeds}, actions {actions}{uniform}.",
+        f"Scenes {as_code(settings.scenes)}, encoder {as_text(first.encoder)}, {agent}, cap {first.cap} steps, "
+        f"{episodes} episodes for each scene, {as_text(settings.training)}, {seeds}, actions {actions}{uniform}.",
         "",
     ]
 
@@ -155,6 +164,13 @@ def _tasks(data: RunData, heading: str) -> list[str]:
         table = {"I": 1, "II": 2, "III": 3}[task]
         text += [f"{heading} Task {task}: {TASK_NAMES[task]} (the paper's Table {table})", "", markdown_table(results)]
         text.append("")
+        own = sorted({row.method for row in results.rows if row.agent == OWN})
+        if own:
+            verb = "is" if len(own) == 1 else "are"
+            text += [
+                f"{as_text(listed(own))} {verb} not of this package: evaluated on the same targets and starts.",
+                "",
+            ]
         if number == 0:
             text += [
                 f"Each value is the mean over the scenes of a room type{interval}; the last column is the mean over "
@@ -208,17 +224,26 @@ def _figures(data: RunData, base: Path, heading: str) -> list[str]:
     curves = data.curves()
     if curves:
         write_table(data.folder.table("frames-to-success"), success_columns(curves))
-        text += [*_shown(learning_curve_figure(data, curves), base), success_table(curves), ""]
-    figures = (*press_curve_figure(data), *prediction_figure(data), *episode_figures(data), *map_figures(data))
-    for figure in figures:
-        text += _shown(figure, base)
+        for figure in data.drawn("learning", lambda: [learning_curve_figure(data, curves)]):
+            text += _shown(figure, base)
+        text += [success_table(curves), ""]
+    for draw in (press_curve_figure, prediction_figure, episode_figures, map_figures):
+        for figure in draw(data):
+            text += _shown(figure, base)
     if data.faults:
-        text += ["Not shown, since the data cannot be read:", "", *(f"- {fault}" for fault in data.faults), ""]
+        text += [
+            "Not shown, since the data cannot be read:",
+            "",
+            *(f"- {as_message(fault)}" for fault in data.faults),
+            "",
+        ]
     return text
 
 
 def _shown(figure: DrawnFigure, base: Path) -> list[str]:
-    return [f"![{figure.title}]({figure.path.relative_to(base).as_posix()})", "", f"*{figure.caption}.*", ""]
+    # Scenes and room types are part of some names of files.
+    link = quote(figure.path.relative_to(base).as_posix())
+    return [f"![{as_text(figure.title)}]({link})", "", f"*{as_text(figure.caption)}.*", ""]
 
 
 def _hardware(folder: RunFolder, heading: str) -> list[str]:
@@ -226,17 +251,20 @@ def _hardware(folder: RunFolder, heading: str) -> list[str]:
     try:
         times = load_stage_times(folder.hardware)
     except InputError as error:
-        return [f"{heading} Hardware and time", "", f"Not shown: {error}", ""]
+        return [f"{heading} Hardware and time", "", f"Not shown: {as_message(str(error))}", ""]
     hardware = times.hardware
-    packages = ", ".join(f"{name} {version}" for name, version in hardware.packages.items())
+    packages = as_text(", ".join(f"{name} {version}" for name, version in hardware.packages.items()))
     return [
         f"{heading} Hardware and time",
         "",
-        f"{hardware.processor}, {hardware.cores} cores, {', '.join(hardware.devices)}; {hardware.system}, Python "
-        f"{hardware.python}, {packages}.",
+        as_text(
+            f"{hardware.processor}, {hardware.cores} cores, {', '.join(hardware.devices)}; {hardware.system}, Python "
+            f"{hardware.python}, "
+        )
+        + f"{packages}.",
         "",
         "| Stage (total over calls and seeds) | Seconds |",
         "|---|---:|",
-        *(f"| {stage} | {seconds:.1f} |" for stage, seconds in times.seconds.items()),
+        *(f"| {as_text(stage)} | {seconds:.1f} |" for stage, seconds in times.seconds.items()),
         "",
     ]

@@ -6,7 +6,7 @@ import numpy as np
 from rich.table import Table
 
 from relm_irl_jax.report.intervals import MeanInterval, mean_interval
-from relm_irl_jax.report.names import METRIC_NAMES, heading, in_order, method_name
+from relm_irl_jax.report.names import METRIC_NAMES, as_text, heading, in_order, method_name
 from relm_irl_jax.report.paper import COLUMNS, PAPER
 from relm_irl_jax.results import ResultRow, Results, RewardQualityRow
 from relm_irl_jax.scenes.scene import ROOM_TYPES
@@ -167,7 +167,10 @@ def markdown_table(results: Results) -> str:
     """
     rows, columns = results.rows, columns_of(results.rows)
     best = {(metric, column): separate_best(rows, metric, column) for metric in METRICS for column in columns}
-    lines = ["| Method | Metric | " + " | ".join(map(heading, columns)) + " |", "|---|---|" + "---:|" * len(columns)]
+    lines = [
+        "| Method | Metric | " + " | ".join(as_text(heading(column)) for column in columns) + " |",
+        "|---|---|" + "---:|" * len(columns),
+    ]
     for method in methods_of(rows):
         for metric in METRICS:
             texts = []
@@ -177,7 +180,7 @@ def markdown_table(results: Results) -> str:
                     text = f"**{text}**"
                 paper = paper_value(results.task, method, metric, column)
                 texts.append(text if np.isnan(paper) else f"{text} ({paper:.2f})")
-            lines.append(f"| {method_name(method)} | {METRIC_NAMES[metric]} | " + " | ".join(texts) + " |")
+            lines.append(f"| {as_text(method_name(method))} | {METRIC_NAMES[metric]} | " + " | ".join(texts) + " |")
     return "\n".join(lines)
 
 
@@ -220,5 +223,5 @@ def quality_table(quality: Mapping[int, Sequence[RewardQualityRow]]) -> str:
             of_method = [row for row in rows if (row.method, row.targets) == (method, targets)]
             rank = mean_interval([row.median_rank for row in of_method])
             order = mean_interval([row.mean_order for row in of_method])
-            lines.append(f"| {method_name(method)} | {name} | {rank:.1f} | {order} |")
+            lines.append(f"| {as_text(method_name(method))} | {name} | {rank:.1f} | {order} |")
     return "\n".join(lines)

@@ -7,16 +7,27 @@ path, so the states along the demonstrations can serve as further targets. Evalu
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float64, Int32
 
+from relm_irl_jax.demonstrations import expert_from_demonstrations, load_demonstrations_by_scene
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.experts import Trajectory, shortest_path_expert, shortest_path_trajectories, sub_trajectories
+from relm_irl_jax.experts import (
+    Expert,
+    Trajectory,
+    shortest_path_expert,
+    shortest_path_trajectories,
+    sub_trajectories,
+)
 from relm_irl_jax.irl import MaxMarginProblem, Solution, learn_weights
 from relm_irl_jax.rewards.settings import IrlSettings
 from relm_irl_jax.scenes.scene import Scene, successors
 from relm_irl_jax.tasks import Target, TaskSplit
+
+EXPERTS_IN_MEMORY = 30_000_000
+"""Most states, over all problems, whose expert is in memory at once: an expert takes 16 bytes a state."""
 
 
 @dataclass(frozen=True)
@@ -38,11 +49,18 @@ class DemonstratedReward:
 
 @dataclass(frozen=True)
 class _TargetStarts:
-    """Data of one problem: a target and the states from which demonstrations lead to it."""
+    """Data of one problem: a target, the states from which demonstrations lead to it, and recorded demonstrations."""
 
     target: Target
     starts: Int32[np.ndarray, "starts"]
     trained: bool
+    recorded: tuple[Trajectory, ...] = ()
+
+    def expert(self, scene: Scene) -> Expert:
+        """The expert that takes the recorded actions, or a shortest path."""
+        if self.recorded:
+            return expert_from_demonstrations(scene, self.recorded)
+        return shortest_path_expert(scene, self.target.state)
 
 
 def demonstrate(scene: Scene, target: Target, count: int, generator: np.random.Generator) -> tuple[Trajectory, ...]:
@@ -77,7 +95,40 @@ def demonstrate_targets(
         The trajectories to each training target, in the order of the targets.
     """
     generator = np.random.default_rng([seed, 1])
-    return [demonstrate(scenes[t.scene], t, settings.trajectories, generator) for t in split.training]
+    shown = [demonstrate(scenes[t.scene], t, settings.trajectories, generator) for t in split.training]
+    recorded = recorded_demonstrations(scenes, split, settings.demonstrations)
+    return [recorded.get(target, of_target) for target, of_target in zip(split.training, shown, strict=True)]
+
+
+def recorded_demonstrations(
+    scenes: Sequence[Scene], split: TaskSplit, path: Path | None
+) -> dict[Target, tuple[Trajectory, ...]]:
+    """Recorded demonstrations that lead to training targets; all others, above all those to evaluation targets, are
+    left out.
+
+    Args:
+        scenes: training scenes.
+        split: the targets.
+        path: the file; None for no recorded demonstrations.
+
+    Returns:
+        The demonstrations of each training target that has some.
+
+    Raises:
+        InputError: the file cannot be used, or no demonstration in it leads to a training target.
+    """
+    if path is None:
+        return {}
+    loaded = load_demonstrations_by_scene(path, scenes)
+    recorded = {target: tuple(t for t in loaded[target.scene] if t.target == target.state) for target in split.training}
+    recorded = {target: trajectories for target, trajectories in recorded.items() if trajectories}
+    if not recorded:
+        first = split.training[0]
+        raise InputError(
+            f"{path}: no demonstration leads to a training target, such as state {first.state} of "
+            f"{scenes[first.scene].name}; `relm-irl demonstrations` writes the expert's, which name all targets."
+        )
+    return recorded
 
 
 def learn_demonstrated_rewards(
@@ -105,17 +156,19 @@ def learn_demonstrated_rewards(
     """
     to_solve = _problems_to_solve(scenes, split, demonstrate_targets(scenes, split, settings, seed), settings)
     next_states = [successors(scene.graph) for scene in scenes]
-    problems = [
-        MaxMarginProblem(
-            phi[item.target.scene],
-            next_states[item.target.scene],
-            shortest_path_expert(scenes[item.target.scene], item.target.state),
-            item.starts,
-            name=f"{scenes[item.target.scene].name}: target {item.target.state}",
-        )
-        for item in to_solve
-    ]
-    solutions = learn_weights(problems, settings, settings.processes or None)
+
+    def problem(item: _TargetStarts) -> MaxMarginProblem:
+        number = item.target.scene
+        expert = item.expert(scenes[number])
+        name = f"{scenes[number].name}: target {item.target.state}"
+        return MaxMarginProblem(phi[number], next_states[number], expert, item.starts, name=name)
+
+    in_part = max(1, EXPERTS_IN_MEMORY // max(scene.n_states for scene in scenes))
+    parts = [to_solve[first : first + in_part] for first in range(0, len(to_solve), in_part)]
+    solutions = []
+    for number, part in enumerate(parts, start=1):
+        description = "inverse RL" if len(parts) == 1 else f"inverse RL, part {number}/{len(parts)}"
+        solutions += learn_weights([problem(item) for item in part], settings, settings.processes or None, description)
     for item, solution in zip(to_solve, solutions, strict=True):
         if item.trained and not solution.solved:
             raise InputError(
@@ -136,22 +189,39 @@ def _problems_to_solve(
     settings: IrlSettings,
 ) -> list[_TargetStarts]:
     """The problems to solve, those of training targets first."""
+    recorded = recorded_demonstrations(scenes, split, settings.demonstrations)
     to_solve = []
     for target, to_target in zip(split.training, trajectories, strict=True):
-        starts = [trajectory.states[:-1] for trajectory in to_target]
-        pools = [np.unique(np.concatenate(starts))] if settings.pooling == "target" else starts
-        to_solve += [_TargetStarts(target, pool, True) for pool in pools]
+        pooled = settings.pooling == "target"
+        for group in [to_target] if pooled else [(trajectory,) for trajectory in to_target]:
+            states = np.concatenate([trajectory.states[:-1] for trajectory in group])
+            states = np.unique(states) if pooled else states
+            starts = states[states != target.state].astype(np.int32)
+            to_solve.append(_TargetStarts(target, starts, True, group if target in recorded else ()))
     for number in range(len(scenes)) if settings.sub_trajectories else ():
         in_scene = [
-            trajectory
+            (trajectory, target in recorded)
             for target, to_target in zip(split.training, trajectories, strict=True)
             if target.scene == number
             for trajectory in to_target
         ]
         trained = {target.state for target in split.training if target.scene == number}
         excluded = split.evaluation_only(number) | trained
+        parts = _recorded_parts([trajectory for trajectory, is_recorded in in_scene if is_recorded])
         to_solve += [
-            _TargetStarts(Target(number, end), starts, False)
-            for end, starts in sub_trajectories(in_scene, excluded).items()
+            _TargetStarts(Target(number, end), starts, False, parts.get(end, ()))
+            for end, starts in sub_trajectories([trajectory for trajectory, _ in in_scene], excluded).items()
         ]
     return to_solve
+
+
+def _recorded_parts(trajectories: Sequence[Trajectory]) -> dict[int, tuple[Trajectory, ...]]:
+    """Parts of recorded demonstrations up to the first visit of each of their states."""
+    parts: dict[int, tuple[Trajectory, ...]] = {}
+    for trajectory in trajectories:
+        states = trajectory.states.tolist()
+        for end in set(states) - {states[0]}:
+            until = states.index(end)
+            part = Trajectory(trajectory.states[: until + 1], trajectory.actions[:until], end)
+            parts[end] = (*parts.get(end, ()), part)
+    return parts

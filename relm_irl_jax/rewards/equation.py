@@ -15,6 +15,8 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float
 
+from relm_irl_jax.rewards.settings import IrlSettings
+
 Scalar = float | Float[Array, ""]
 
 AnyArray = TypeVar("AnyArray", np.ndarray, Array)
@@ -35,6 +37,16 @@ class LinearRewardForm:
     r_max: Scalar
     minimum_cost: Scalar
     relative: bool = field(metadata={"static": True})
+
+
+def form_of(settings: IrlSettings) -> LinearRewardForm:
+    """Bounds of the reward that inverse reinforcement learning finds.
+
+    Args:
+        settings: settings of inverse reinforcement learning.
+    """
+    r_max = settings.max_margin.r_max
+    return LinearRewardForm(r_max, settings.minimum_cost * r_max, settings.max_margin.form == "cost")
 
 
 def unclipped_reward(weights: AnyArray, phi: AnyArray, target_phi: AnyArray, form: LinearRewardForm) -> AnyArray:

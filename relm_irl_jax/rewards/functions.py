@@ -12,8 +12,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float32, Int32
 
 from relm_irl_jax.env import Transition
+from relm_irl_jax.errors import InputError
 from relm_irl_jax.rewards.equation import LinearRewardForm, linear_reward
 from relm_irl_jax.rewards.settings import ManualSettings
+from relm_irl_jax.transitions import FeatureReward, TransitionFeatures
 from relm_irl_jax.world import Targets, World
 
 
@@ -75,6 +77,36 @@ class LinearReward:
         weights = self.weights[self.row[transition.target, world.local[origin]]]
         target_phi = self.phi[targets.state[transition.target]]
         return linear_reward(weights, self.phi[transition.next_state], target_phi, transition.terminated, self.form)
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class OwnReward:
+    """A user's reward: a pure function of a transition's features.
+
+    Attributes:
+        features: features of each state of the world, as the function sees them.
+        function: the function. Static.
+    """
+
+    features: Float32[Array, "states feature"]
+    function: FeatureReward = field(metadata={"static": True})
+
+    def __call__(self, transition: Transition, world: World, targets: Targets) -> Float32[Array, ""]:
+        """Return the reward of one transition."""
+        seen = TransitionFeatures(
+            view=self.features[transition.state],
+            next_view=self.features[transition.next_state],
+            target=self.features[targets.state[transition.target]],
+            action=transition.action,
+            collided=transition.collided,
+            arrived=transition.terminated,
+        )
+        with jax.numpy_dtype_promotion("standard"):  # 10 * seen.arrived, also where JAX is told to be strict
+            reward = jnp.asarray(self.function(seen), jnp.float32)
+        if reward.shape:
+            raise InputError(f"reward: returned an array of shape {reward.shape}; return one number for a transition.")
+        return reward
 
 
 def manual_reward(settings: ManualSettings) -> ManualReward:

@@ -83,7 +83,7 @@ def manual_goals(scenes: Sequence[Scene], split: TaskSplit, hindsight: str, sett
     if settings.step >= 0:
         raise InputError(f"manual.step: {settings.step} is not a cost; agents that learn from goals need it negative.")
     states = goal_states(scenes, split, hindsight)
-    costs = [np.ones((len(goals), scene.n_states)) for goals, scene in zip(states, scenes, strict=True)]
+    costs = [np.broadcast_to(1.0, (len(goals), scene.n_states)) for goals, scene in zip(states, scenes, strict=True)]
     return _pad_goals(states, costs, split)
 
 

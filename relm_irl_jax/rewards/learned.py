@@ -10,7 +10,7 @@ from jaxtyping import Float32, Float64, Int32
 from relm_irl_jax.elm import ELMRegressor
 from relm_irl_jax.rewards.basis import RewardBasis, fit_basis
 from relm_irl_jax.rewards.demonstrated import DemonstratedReward, learn_demonstrated_rewards
-from relm_irl_jax.rewards.equation import LinearRewardForm
+from relm_irl_jax.rewards.equation import LinearRewardForm, form_of
 from relm_irl_jax.rewards.functions import LinearReward
 from relm_irl_jax.rewards.predicted import RewardPredictor, fit_regressor, pair_data
 from relm_irl_jax.rewards.settings import ElmSettings, IrlSettings
@@ -78,7 +78,7 @@ def learn_demonstrated(scenes: Sequence[Scene], split: TaskSplit, settings: IrlS
     basis = fit_basis(scenes, settings.dimension)
     phi = tuple(basis.phi(scene) for scene in scenes)
     demonstrated = learn_demonstrated_rewards(scenes, split, phi, settings, seed)
-    return LearnedRewards(basis, phi, demonstrated, {}, settings.form())
+    return LearnedRewards(basis, phi, demonstrated, {}, form_of(settings))
 
 
 def fit_regressors(
@@ -120,8 +120,8 @@ def demonstrated_reward(scenes: Sequence[Scene], targets: Sequence[Target], lear
     for number, target in enumerate(targets):
         to_target = [i for i, demonstrated in enumerate(trained) if demonstrated.target == target]
         distance = scenes[target.scene].shortest_path_distance
-        finite = np.where(distance < 0, len(distance), distance)
-        distance_to_trajectory = np.stack([finite[:, trained[i].starts].min(1) for i in to_target])
+        to_starts = [distance[:, trained[i].starts] for i in to_target]
+        distance_to_trajectory = np.stack([np.where(d < 0, len(d), d).min(1) for d in to_starts])
         row[number, : len(distance)] = np.asarray(to_target)[distance_to_trajectory.argmin(0)]
     weights = np.stack([demonstrated.solution.w for demonstrated in trained])
     return _linear_reward(weights, row, learned.phi, learned.form)

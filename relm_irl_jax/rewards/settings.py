@@ -1,23 +1,30 @@
 """Settings of rewards: hand-made, learned from demonstrations, predicted, and for hindsight relabelling."""
 
-from typing import Annotated, Literal
+from pathlib import Path
+from typing import Literal
 
-from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
 from pydantic.dataclasses import dataclass
 
+from relm_irl_jax.bounds import (
+    NonNegativeFloat,
+    NonNegativeInt,
+    PositiveFloat,
+    PositiveInt,
+    RealNumber,
+    UnitInterval,
+)
 from relm_irl_jax.irl import IrlMethodSettings, MaxMarginSettings
-from relm_irl_jax.rewards.equation import LinearRewardForm
 
 
 @dataclass(frozen=True)
 class ManualSettings:
     """The hand-made reward of the RL baseline."""
 
-    target: float = 10.0
+    target: RealNumber = 10.0
     """Reward for reaching the target."""
-    collision: float = -0.1
+    collision: RealNumber = -0.1
     """Reward for an action that collides."""
-    step: float = -0.01
+    step: RealNumber = -0.01
     """Reward for any other action."""
 
 
@@ -28,6 +35,9 @@ class IrlSettings(IrlMethodSettings):
     max_margin: MaxMarginSettings = MaxMarginSettings(regularisation=10.0, compare_with_lp=False)
     """The maximum-margin program; its form, discount and r_max apply to all methods. With λ = 10, solutions reach 94%
     of the linear program's objective, and predicted rewards rank new targets far higher than with a smaller λ."""
+    demonstrations: Path | None = None
+    """File of recorded demonstrations as JSON lines. They replace the expert's for the training targets that they lead
+    to; those that lead elsewhere are not used. If they are not shortest paths, `irl.max_margin.penalty` must be 2."""
     trajectories: PositiveInt = 16
     """Expert trajectories for each training target, from distinct random starts."""
     pooling: Literal["target", "trajectory"] = "target"
@@ -37,20 +47,15 @@ class IrlSettings(IrlMethodSettings):
     sub_trajectories: bool = True
     """Whether states along the demonstrations serve as further targets for the extreme learning machine: every part of
     a shortest path is a shortest path."""
-    minimum_cost: Annotated[float, Field(ge=0, le=1)] = 0.6
+    minimum_cost: UnitInterval = 0.6
     """Smallest cost of a step in the learned reward, as a share of r_max; with 0, the agent can stay in states without
     cost. Optimal paths under predicted rewards are longer than shortest paths by 0.9% with 0.3 and by 0.1% with 0.6;
     the metric agent's SPL on new targets is .72 and .80 (RELM-IRL, 1.2M frames)."""
     cost_horizon: PositiveFloat = 6.0
     """Agents that learn values divide learned rewards by r_max times this number of steps. Larger returns train less
     reliably, smaller ones are dominated by the entropy bonus (IRL on Task I: SPL 0.92 with 6, 0.90 with 10)."""
-    processes: Annotated[int, Field(ge=0)] = 0
+    processes: NonNegativeInt = 0
     """Processes that solve problems in parallel; 0 for one on each core, or for joblib's configuration."""
-
-    def form(self) -> LinearRewardForm:
-        """Bounds of the learned reward."""
-        r_max = self.max_margin.r_max
-        return LinearRewardForm(r_max, self.minimum_cost * r_max, self.max_margin.form == "cost")
 
 
 @dataclass(frozen=True)
@@ -67,7 +72,7 @@ class ElmSettings:
     """Order of the regularised regressor's neurons: by MRSR, or random (`none`)."""
     norm: Literal[1, 2] = 1
     """Norm of the cumulative correlation in MRSR; 1 in the paper."""
-    selection: Literal["press", "none"] | Annotated[int, Field(ge=1)] = "press"
+    selection: Literal["press", "none"] | PositiveInt = "press"
     """Neurons that the regularised regressor keeps: the minimum of the PRESS curve, all (`none`), or a number."""
     ridge: NonNegativeFloat | Literal["press"] = 0.0
     """Ridge penalty on the regularised regressor's output weights, or `press` to choose it by PRESS."""

@@ -9,8 +9,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float32, Float64, Int, Int32, Int64, UInt8
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import shortest_path
 
 from relm_irl_jax.errors import InputError
 
@@ -26,8 +24,14 @@ HEADINGS = (0.0, 90.0, 180.0, 270.0)
 ROOM_TYPES = ("bathroom", "bedroom", "living_room")
 """The room types that the paper reports."""
 
+ROOM_TYPE_PATTERN = r"(?!(?i:mean)$)\w[\w.+-]*"
+"""Pattern of room types, which become parts of file names and columns of tables: `mean` is the last column's name."""
+
 COLLISION = -1
 """Entry of `Scene.graph` where the action would collide and leaves the state unchanged."""
+
+ROWS_AT_ONCE = 512
+"""Rows of the table of distances that are in memory at once while it is computed or searched."""
 
 UNREACHABLE = -1
 """Entry of `Scene.shortest_path_distance` where no path exists."""
@@ -43,7 +47,8 @@ class Scene:
         location: place (x, z) of each state, in metres.
         rotation: heading of each state, in degrees, one of `HEADINGS`.
         graph: next state for each action of `ACTIONS`, or `COLLISION`.
-        shortest_path_distance: smallest number of actions from row to column, or `UNREACHABLE`.
+        shortest_path_distance: smallest number of actions from row to column, or `UNREACHABLE`. That of a large scene
+            may be a part of its file, which is read where it is used.
         observation: view of each state as RGB; None if the views were not loaded.
         features: encoded view of each state; None before encoding.
         visible_object: share of the view that each category covers, in [0, 1]; None without labels.
@@ -73,7 +78,10 @@ class Scene:
     @property
     def reachable(self) -> Int64[np.ndarray, "reachable"]:
         """States that some other state can reach, ascending; in the original scenes, not all states are reachable."""
-        return np.flatnonzero((self.shortest_path_distance > 0).any(0))
+        reached = np.zeros(self.n_states, bool)
+        for first in range(0, self.n_states, ROWS_AT_ONCE):
+            reached |= (self.shortest_path_distance[first : first + ROWS_AT_ONCE] > 0).any(0)
+        return np.flatnonzero(reached)
 
     def without_views(self) -> "Scene":
         """The same scene with `observation` None."""
@@ -150,10 +158,17 @@ def shortest_path_distances(graph: Int[np.ndarray, "states 4"]) -> Int32[np.ndar
     Returns:
         Distance from row to column, `UNREACHABLE` where there is no path.
     """
+    from scipy.sparse import csr_array  # here, since most readers of scenes do not need it
+    from scipy.sparse.csgraph import shortest_path
+
     state, action = np.nonzero(graph != COLLISION)
     edges = csr_array((np.ones(len(state)), (state, graph[state, action])), shape=(len(graph), len(graph)))
-    distance = shortest_path(edges, method="D", unweighted=True)
-    return np.where(np.isinf(distance), UNREACHABLE, distance).astype(np.int32)
+    distances = np.empty((len(graph), len(graph)), np.int32)
+    for first in range(0, len(graph), ROWS_AT_ONCE):  # scipy's own table has 64 bits
+        rows = np.arange(first, min(first + ROWS_AT_ONCE, len(graph)))
+        found = shortest_path(edges, method="D", unweighted=True, indices=rows)
+        distances[rows] = np.where(np.isinf(found), UNREACHABLE, found)
+    return distances
 
 
 def successors(graph: Int[np.ndarray, "states 4"]) -> Int32[np.ndarray, "states 4"]:

@@ -1,16 +1,21 @@
 """Selection of the training scenes and of the unseen scenes of Task III: built-in rooms or a folder of scene files."""
 
 from collections import defaultdict
+from functools import partial
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple, Protocol, runtime_checkable
 
-from pydantic import NonNegativeInt, PositiveInt
 from pydantic.dataclasses import dataclass
 
+from relm_irl_jax.bounds import ImageSize, NonNegativeInt, PositiveInt
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.scenes.rooms.cache import built_in_room
+from relm_irl_jax.lazy import deferred
 from relm_irl_jax.scenes.scene import ROOM_TYPES, Scene
-from relm_irl_jax.scenes.scene_file import load_scene
+
+# Settings are read more often than scenes.
+built_in_room = deferred("relm_irl_jax.scenes.rooms.cache", "built_in_room")
+load_scene = deferred("relm_irl_jax.scenes.scene_file", "load_scene")
+require_views = deferred("relm_irl_jax.scenes.scene_file", "require_views")
 
 ROOMS = "rooms"
 """Value of the setting `scenes` that selects the built-in rooms instead of a folder."""
@@ -28,49 +33,69 @@ class SceneSettings:
     """Unseen scenes of each room type for Task III. In a folder, these follow the training scenes; one is enough."""
     size: Literal["full", "tiny"] = "full"
     """Size of the built-in rooms: the state counts of the original scenes (`full`), or 12 to 20 places (`tiny`)."""
-    image_size: PositiveInt = 224
+    image_size: ImageSize = 224
     """Rows and columns of the views of built-in rooms."""
     first_room: NonNegativeInt = 0
     """Number of the first built-in room of each type; training rooms come first, then unseen rooms."""
 
 
-def training_scenes(scenes: str, settings: SceneSettings, *, views: bool = True) -> list[Scene]:
-    """Load the training scenes, ordered by room type.
+@runtime_checkable
+class SceneLoader(Protocol):
+    """Loads one scene. The views of all scenes at once may need more memory than there is."""
+
+    def __call__(self, *, views: bool = True) -> Scene:
+        """Load the scene, with or without its views."""
+        ...
+
+
+def loader(scene: Scene) -> SceneLoader:
+    """A scene in memory as a function that loads it.
+
+    Args:
+        scene: the scene.
+    """
+
+    def load(*, views: bool = True) -> Scene:
+        return scene if views else scene.without_views()
+
+    return load
+
+
+def training_scenes(scenes: str, settings: SceneSettings) -> list[SceneLoader]:
+    """Choose the training scenes, ordered by room type.
 
     Args:
         scenes: `ROOMS`, or a folder of scene files.
         settings: which scenes.
-        views: whether to read the views.
 
     Returns:
-        The scenes.
+        A function for each scene that loads it.
 
     Raises:
         InputError: the folder or a file in it cannot be used.
     """
     if scenes == ROOMS:
-        return _built_in_rooms(settings.first_room, settings.training_per_type, settings, views=views)
+        return _built_in_rooms(settings.first_room, settings.training_per_type, settings)
     chosen = [path for training, _ in _scenes_by_type(scenes, settings).values() for path in training]
-    return [load_scene(path, views=views) for path in chosen]
+    return [partial(load_scene, path) for path in chosen]
 
 
-def unseen_scenes(scenes: str, settings: SceneSettings, *, views: bool = True) -> list[Scene]:
-    """Load the unseen scenes of Task III, ordered by room type.
+def unseen_scenes(scenes: str, settings: SceneSettings) -> list[SceneLoader]:
+    """Choose the unseen scenes of Task III, ordered by room type.
 
     Args:
         scenes: `ROOMS`, or a folder of scene files.
         settings: which scenes.
-        views: whether to read the views.
 
     Returns:
-        The scenes.
+        A function for each scene that loads it.
 
     Raises:
         InputError: the folder or a file in it cannot be used, or the folder contains too few scenes.
     """
     if scenes == ROOMS:
         first = settings.first_room + settings.training_per_type
-        return _built_in_rooms(first, settings.unseen_per_type, settings, views=views)
+        return _built_in_rooms(first, settings.unseen_per_type, settings)
     chosen = []
     for room_type, (training, others) in _scenes_by_type(scenes, settings).items():
         if not others:
@@ -79,7 +104,7 @@ def unseen_scenes(scenes: str, settings: SceneSettings, *, views: bool = True) -
                 "is left for Task III; add scenes, or lower scene.training_per_type."
             )
         chosen += others[: settings.unseen_per_type]
-    return [load_scene(path, views=views) for path in chosen]
+    return [partial(load_scene, path) for path in chosen]
 
 
 def check_scenes_setting(scenes: str) -> None:
@@ -112,12 +137,12 @@ def scene_files(folder: Path) -> list[Path]:
     return sorted(path for path in folder.iterdir() if path.suffix in (".h5", ".hdf5"))
 
 
-def _built_in_rooms(first: int, count: int, settings: SceneSettings, *, views: bool) -> list[Scene]:
-    """Load rooms `first` to `first + count - 1` of every type."""
+def _built_in_rooms(first: int, count: int, settings: SceneSettings) -> list[SceneLoader]:
+    """Rooms `first` to `first + count - 1` of every type."""
     if settings.training:
         raise InputError("scene.training: names scenes of a folder; leave it out for the built-in rooms.")
     return [
-        built_in_room(room_type, first + number, size=settings.size, image_size=settings.image_size, views=views)
+        partial(built_in_room, room_type, first + number, size=settings.size, image_size=settings.image_size)
         for room_type in ROOM_TYPES
         for number in range(count)
     ]
@@ -127,12 +152,20 @@ def _scenes_by_type(scenes: str, settings: SceneSettings) -> dict[str, tuple[lis
     """Training scenes and all other scenes of a folder, by room type in alphabetical order."""
     check_scenes_setting(scenes)
     by_type = defaultdict(list)
-    names = set()
+    names: dict[str, Path] = {}
+    first: _Features | None = None
     for path in scene_files(Path(scenes)):
+        require_views(path)
         scene = load_scene(path, views=False)
+        if scene.name in names:
+            raise InputError(f"{path}: its scene has the name {scene.name}, as {names[scene.name]}; rename one.")
+        features = _features_of(scene)
+        first = first or features
+        if (fault := _difference(first, features)) is not None:
+            raise InputError(f"{path}: {fault}; use scenes whose features are from one encoder.")
         by_type[scene.room_type].append((scene.name, path))
-        names.add(scene.name)
-    if missing := set(settings.training) - names:
+        names[scene.name] = path
+    if missing := set(settings.training) - set(names):
         available = ", ".join(sorted(names))
         raise InputError(f"scene.training: {scenes} contains no scene {min(missing)}; it has {available}.")
     split = {}
@@ -144,3 +177,28 @@ def _scenes_by_type(scenes: str, settings: SceneSettings) -> dict[str, tuple[lis
             training = paths[: settings.training_per_type]
         split[room_type] = training, [path for path in paths if path not in training]
     return split
+
+
+class _Features(NamedTuple):
+    """The kind of a scene's features; `size` is None without features."""
+
+    name: str
+    size: int | None
+    encoder: str
+
+
+def _features_of(scene: Scene) -> _Features:
+    return _Features(scene.name, None if scene.features is None else scene.features.shape[1], scene.encoder)
+
+
+def _difference(first: _Features, scene: _Features) -> str | None:
+    """What makes the features of two scenes of a folder incomparable; None if they can be used together."""
+    if (first.size is None) != (scene.size is None):
+        return f"it has {'no ' if scene.size is None else ''}features, unlike {first.name}"
+    if first.size is None:
+        return None
+    if first.size != scene.size:
+        return f"its features have {scene.size} numbers, and those of {first.name} {first.size}"
+    if first.encoder != scene.encoder:
+        return f"its features are from the encoder {scene.encoder!r}, and those of {first.name} from {first.encoder!r}"
+    return None

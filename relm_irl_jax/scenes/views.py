@@ -39,8 +39,8 @@ def _views(
     scenes: str, settings: SceneSettings, size: int, *, unseen: bool
 ) -> dict[str, UInt8[np.ndarray, "states height width 3"]]:
     """Views of all training or all unseen scenes by name."""
-    load = unseen_scenes if unseen else training_scenes
-    return {scene.name: resized(scene, size) for scene in load(scenes, replace(settings, image_size=size))}
+    loaders = (unseen_scenes if unseen else training_scenes)(scenes, replace(settings, image_size=size))
+    return {scene.name: resized(scene, size) for scene in (load() for load in loaders)}
 
 
 def resized(scene: Scene, size: int) -> UInt8[np.ndarray, "states size size 3"]:

@@ -1,15 +1,17 @@
 """First stage: scenes and the features of their views."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
+from jaxtyping import UInt8
 
 from relm_irl_jax.config import Config
 from relm_irl_jax.features.cache import encode_scene
-from relm_irl_jax.features.encoder import N_CALIBRATION_VIEWS, Encoder, make_encoder
+from relm_irl_jax.features.encoder import N_CALIBRATION_VIEWS, Encoder, Views, make_encoder
 from relm_irl_jax.scenes.scene import Scene
-from relm_irl_jax.scenes.selection import ROOMS, SceneSettings, training_scenes, unseen_scenes
+from relm_irl_jax.scenes.selection import ROOMS, SceneLoader, SceneSettings, training_scenes, unseen_scenes
 from relm_irl_jax.stages.make_agent import needs_features
 
 NO_ENCODER = "none"
@@ -40,17 +42,33 @@ def encode_training(config: Config) -> EncodedScenes:
     Returns:
         The training scenes with features; without columns if neither the agents nor the rewards need features.
     """
+    loaders = training_scenes(config.scenes, config.scene)
     if not needs_features(config):
-        scenes = training_scenes(config.scenes, config.scene, views=False)
-        return EncodedScenes([_without_features(scene) for scene in scenes], None, NO_ENCODER)
-    scenes = training_scenes(config.scenes, config.scene)
-    if config.scenes != ROOMS and all(scene.features is not None for scene in scenes):
-        return EncodedScenes([scene.without_views() for scene in scenes], None, scenes[0].encoder)
+        return EncodedScenes([_without_features(load(views=False)) for load in loaders], None, NO_ENCODER)
+    return encode_scenes(config, loaders)
+
+
+def encode_scenes(config: Config, loaders: Sequence[SceneLoader]) -> EncodedScenes:
+    """Prepare scenes to train in.
+
+    Args:
+        config: the configuration, which says how built-in rooms are encoded.
+        loaders: the scenes.
+
+    Returns:
+        The scenes with features.
+    """
+    if config.scenes != ROOMS:
+        scenes = [load(views=False) for load in loaders]
+        if all(scene.features is not None for scene in scenes):
+            return EncodedScenes(scenes, None, scenes[0].encoder)
     # The statistics of random weights are measured on training views only, so that unseen scenes stay unseen.
-    share = -(-N_CALIBRATION_VIEWS // len(scenes))
-    views = [scene.views[:: max(1, scene.n_states // share)][:share] for scene in scenes]
-    encoder = make_encoder(config.encoder, np.concatenate(views))
-    return EncodedScenes([encode_scene(scene, encoder).without_views() for scene in scenes], encoder, encoder.name)
+    share = -(-N_CALIBRATION_VIEWS // len(loaders))
+    calibration = (
+        [_evenly_spaced(load().views, share) for load in loaders] if config.encoder.weights == "random" else []
+    )
+    encoder = make_encoder(config.encoder, np.concatenate(calibration) if calibration else None)
+    return EncodedScenes([_encoded(load, encoder) for load in loaders], encoder, encoder.name)
 
 
 def encode_unseen(config: Config, training: EncodedScenes) -> list[Scene]:
@@ -69,11 +87,33 @@ def encode_unseen(config: Config, training: EncodedScenes) -> list[Scene]:
 @lru_cache(maxsize=1)
 def _encode_unseen(source: str, settings: SceneSettings, training: EncodedScenes) -> list[Scene]:
     if training.scenes[0].encoded.shape[1] == 0:
-        return [_without_features(scene) for scene in unseen_scenes(source, settings, views=False)]
-    scenes = unseen_scenes(source, settings)
+        return [_without_features(load(views=False)) for load in unseen_scenes(source, settings)]
+    return encode_more(training, unseen_scenes(source, settings))
+
+
+def encode_more(training: EncodedScenes, loaders: Sequence[SceneLoader]) -> list[Scene]:
+    """Prepare other scenes with the encoder of the training scenes.
+
+    Args:
+        training: the training scenes.
+        loaders: the other scenes.
+
+    Returns:
+        The other scenes with features.
+    """
     if training.encoder is None:
-        return [scene.without_views() for scene in scenes]
-    return [encode_scene(scene, training.encoder).without_views() for scene in scenes]
+        return [load(views=False) for load in loaders]
+    return [_encoded(load, training.encoder) for load in loaders]
+
+
+def _evenly_spaced(views: Views, count: int) -> UInt8[np.ndarray, "chosen height width 3"]:
+    """A few views, without keeping the others in memory."""
+    return views[:: max(1, len(views) // count)][:count].copy()
+
+
+def _encoded(load: SceneLoader, encoder: Encoder) -> Scene:
+    """The scene with features, without the views that they are computed from."""
+    return encode_scene(load(), encoder).without_views()
 
 
 def _without_features(scene: Scene) -> Scene:

@@ -11,9 +11,8 @@ from relm_irl_jax.evaluation import trace_episodes
 from relm_irl_jax.experts import follow_expert, shortest_path_expert
 from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.saved_maps import SavedEpisode, poses_of, save_episodes
-from relm_irl_jax.scenes.scene import Scene
-from relm_irl_jax.scenes.selection import training_scenes, unseen_scenes
-from relm_irl_jax.stages.encoding import EncodedScenes
+from relm_irl_jax.scenes.selection import SceneLoader, training_scenes, unseen_scenes
+from relm_irl_jax.stages.encoding import EncodedScenes, encode_unseen
 from relm_irl_jax.stages.evaluation import load_policy
 from relm_irl_jax.stages.worlds import EvaluationTask, evaluation_task
 from relm_irl_jax.types import Policy
@@ -81,7 +80,7 @@ class AgentChoice:
 
 def paths_of_agent(
     config: Config, folder: RunFolder, training: EncodedScenes, choice: AgentChoice, episode: int
-) -> tuple[EvaluationTask, list[tuple[Scene, EpisodePath]]]:
+) -> tuple[EvaluationTask, list[tuple[SceneLoader, EpisodePath]]]:
     """Run one episode in each scene of a task.
 
     Args:
@@ -92,11 +91,14 @@ def paths_of_agent(
         episode: number of the episode, which determines start, target and actions.
 
     Returns:
-        The task, and for each scene the scene with its views and the path.
+        The task, and for each of its scenes a function that loads the scene, and the path.
     """
     task = evaluation_task(config, training, choice.task, choice.seed)
-    with_views = (unseen_scenes if choice.task == "III" else training_scenes)(config.scenes, config.scene)
-    by_name = {scene.name: scene for scene in with_views}
+    if choice.task == "III":
+        scenes, loaders = encode_unseen(config, training), unseen_scenes(config.scenes, config.scene)
+    else:
+        scenes, loaders = training.scenes, training_scenes(config.scenes, config.scene)
+    by_name = {scene.name: load for scene, load in zip(scenes, loaders, strict=True)}
     policy = load_policy(config, folder, choice.method, choice.seed, task)
     key = jax.random.fold_in(jax.random.key(choice.seed), episode)
     paths = episode_paths(key, policy, task, config.tasks.cap)
@@ -115,9 +117,10 @@ def save_shown_episodes(config: Config, folder: RunFolder, training: EncodedScen
     task, paths = paths_of_agent(config, folder, training, choice, 0)
     category = {(target.scene, target.state): target.category for target in task.chosen}
     shown: dict[str, SavedEpisode] = {}
-    for number, (scene, path) in enumerate(paths):
-        if scene.room_type in shown:
+    for number, (load, path) in enumerate(paths):
+        if task.scenes[number].room_type in shown:
             continue
+        scene = load()
         shown[scene.room_type] = SavedEpisode(
             poses=poses_of(scene),
             method=choice.method,

@@ -3,17 +3,18 @@
 from collections.abc import Mapping
 from typing import Protocol, runtime_checkable
 
-import jax
 import jax.numpy as jnp
 import numpy as np
+from flax.errors import FlaxError
 from jaxtyping import Array, Float32, Int32
 
 from relm_irl_jax.agents.random_agent import RandomPolicy
 from relm_irl_jax.config import METHODS, Config, Method, Task
-from relm_irl_jax.evaluation import compute_metrics, evaluate
+from relm_irl_jax.errors import InputError
+from relm_irl_jax.evaluation import Episodes, compute_metrics, evaluate, evaluation_key
 from relm_irl_jax.parameters import load_parameters
 from relm_irl_jax.progress import progress_bar
-from relm_irl_jax.results import ResultRow, Results, save_results
+from relm_irl_jax.results import ResultRow, Results, load_entries, save_results
 from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.saved_maps import SHORTEST_PATH, StateMap, poses_of, save_map
 from relm_irl_jax.scenes.scene import first_of_each_type
@@ -56,7 +57,45 @@ def load_policy(config: Config, folder: RunFolder, method: Method, seed: int, ta
     if config.siamese.observe_reward:
         predictor = load_predictor(config, folder, method, seed, task.scenes)
         targets = with_predicted_reward(targets, task.scenes, task.chosen, predictor)
-    return make_agent(config, method).policy(load_parameters(folder.agent(method, seed)), task.world, targets)
+    path = folder.agent(method, seed)
+    parameters = load_parameters(path)
+    try:
+        return make_agent(config, method).policy(parameters, task.world, targets)
+    except InputError:
+        raise
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError, FlaxError) as error:
+        raise InputError(
+            f"{path}: its tensors are not those of the run's agent; remove the file, and run `relm-irl train --resume "
+            f"{folder.path}`."
+        ) from error
+
+
+def result_rows(method: str, agent: str, task: EvaluationTask, episodes: Episodes) -> list[ResultRow]:
+    """The metrics of a policy's episodes, one row for each scene.
+
+    Args:
+        method: name of the policy's method.
+        agent: kind of agent.
+        task: scenes and targets.
+        episodes: the finished episodes.
+
+    Returns:
+        The rows.
+    """
+    return [
+        ResultRow(
+            method=method,
+            agent=agent,
+            scene=scene.name,
+            room_type=scene.room_type,
+            seed=task.seed,
+            episodes=metrics.episodes,
+            sr=metrics.success_rate,
+            ple=metrics.path_length_error,
+            spl=metrics.spl,
+        )
+        for scene, metrics in ((scene, compute_metrics(episodes, n)) for n, scene in enumerate(task.scenes))
+    ]
 
 
 def evaluate_task(config: Config, folder: RunFolder, training: EncodedScenes, task: Task) -> Results:
@@ -87,9 +126,8 @@ def evaluate_task(config: Config, folder: RunFolder, training: EncodedScenes, ta
             policy = load_policy(config, folder, method, seed, seed_task)
             if seed == 0:
                 shown[method] = policy
-            key = jax.random.fold_in(jax.random.key(seed), 1)
             episodes = evaluate(
-                key,
+                evaluation_key(seed),
                 policy,
                 seed_task.world,
                 seed_task.targets,
@@ -97,22 +135,9 @@ def evaluate_task(config: Config, folder: RunFolder, training: EncodedScenes, ta
                 config.evaluation.episodes,
                 advance=advance,
             )
-            for number, scene in enumerate(seed_task.scenes):
-                metrics = compute_metrics(episodes, number)
-                rows.append(
-                    ResultRow(
-                        method=method,
-                        agent="random" if method == "random" else config.agent,
-                        scene=scene.name,
-                        room_type=scene.room_type,
-                        seed=seed,
-                        episodes=metrics.episodes,
-                        sr=metrics.success_rate,
-                        ple=metrics.path_length_error,
-                        spl=metrics.spl,
-                    )
-                )
+            rows += result_rows(method, "random" if method == "random" else config.agent, seed_task, episodes)
     _save_distances(folder, tasks[0], {m: p for m, p in shown.items() if isinstance(p, DistancePolicy)})
+    rows += load_entries(folder, task)
     results = Results(task, config.tasks.cap, training.encoder_name, tuple(rows))
     save_results(folder, results)
     return results

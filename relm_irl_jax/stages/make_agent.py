@@ -93,5 +93,7 @@ def check_agent(config: Config, tasks: Sequence[Task]) -> None:
             f"methods: {', '.join(sorted(unused))} trains on a reward, which the mapping agent does not; "
             "give random and rl."
         )
+    if config.agent == "map" and not trains(config) and (weights := config.resolved().map.weights) != "package":
+        load_weights(Path(weights))  # raises before the work
     if config.agent == "siamese" and config.siamese.heads == "scene" and "III" in tasks:
         raise InputError("siamese.heads: scene has no head for the unseen scenes of task III; use room_type or shared.")

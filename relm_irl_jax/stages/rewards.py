@@ -6,10 +6,11 @@ import numpy as np
 
 from relm_irl_jax.config import Config, Method
 from relm_irl_jax.elm import load_elm, save_elm
+from relm_irl_jax.errors import InputError
 from relm_irl_jax.files import load_arrays, save_arrays, write_table
 from relm_irl_jax.results import PREDICTED, RewardQualityRow, save_reward_quality
 from relm_irl_jax.rewards.basis import RewardBasis
-from relm_irl_jax.rewards.equation import linear_reward
+from relm_irl_jax.rewards.equation import form_of, linear_reward
 from relm_irl_jax.rewards.learned import LearnedRewards, learn_rewards
 from relm_irl_jax.rewards.predicted import RewardPredictor
 from relm_irl_jax.rewards.quality import RewardQuality, predicted_reward_quality, reward_quality
@@ -106,10 +107,13 @@ def load_predictor(
     """
     if method not in PREDICTED:
         return None
-    arrays = load_arrays(folder.rewards(seed, "demonstrated.safetensors"))
+    path = folder.rewards(seed, "demonstrated.safetensors")
+    arrays = load_arrays(path)
+    if not {"mean", "components"} <= set(arrays):
+        raise InputError(f"{path}: `mean` or `components` is missing; remove the folder {path.parent} and train again.")
     basis = RewardBasis(arrays["mean"], arrays["components"])
     regressor = load_elm(folder.rewards(seed, f"{method}.safetensors"))
-    return RewardPredictor(scenes, [basis.phi(scene) for scene in scenes], regressor, config.irl.form())
+    return RewardPredictor(scenes, [basis.phi(scene) for scene in scenes], regressor, form_of(config.irl))
 
 
 def _quality(scenes: Sequence[Scene], split: TaskSplit, learned: LearnedRewards, seed: int) -> list[RewardQualityRow]:

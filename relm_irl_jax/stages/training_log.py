@@ -87,6 +87,12 @@ class RunFolderLog(TrainingLog):
             self._checkpoints.save(state, rows)
             self._saved_at = now
 
+    def stop(self, state: State, rows: list[Row]) -> None:
+        """Save a checkpoint of the last valid state, unless the last checkpoint is of that state."""
+        if self._checkpoints is not None and rows and self._checkpoints.last_step() != len(rows):
+            self._checkpoints.save(state, rows)
+            console.print(f"Checkpoint: {self._checkpoints.path}", highlight=False, soft_wrap=True)
+
     def remove_checkpoints(self) -> None:
         """Remove the checkpoints; to be called when the result of the training is saved."""
         if self._checkpoints is not None:

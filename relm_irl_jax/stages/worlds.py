@@ -75,7 +75,9 @@ class EvaluationTask:
     chosen: list[Target]
 
 
-def evaluation_task(config: Config, training: EncodedScenes, task: str, seed: int) -> EvaluationTask:
+def evaluation_task(
+    config: Config, training: EncodedScenes, task: str, seed: int, unseen: Sequence[Scene] | None = None
+) -> EvaluationTask:
     """The scenes and targets of a task for one seed.
 
     Args:
@@ -83,6 +85,7 @@ def evaluation_task(config: Config, training: EncodedScenes, task: str, seed: in
         training: the training scenes.
         task: `I`, `II` or `III`.
         seed: the run's seed.
+        unseen: encoded scenes of Task III; None for the configuration's.
 
     Returns:
         The scenes and targets. Unseen scenes that show no object of a trained category are left out.
@@ -90,7 +93,10 @@ def evaluation_task(config: Config, training: EncodedScenes, task: str, seed: in
     Raises:
         InputError: no unseen scene shows an object of a trained category.
     """
-    unseen = encode_unseen(config, training) if task == "III" else []
+    if task != "III":
+        unseen = []
+    elif unseen is None:
+        unseen = encode_unseen(config, training)
     scenes = unseen if task == "III" else training.scenes
     drawn = draw_split(training.scenes, unseen, config.tasks, seed).of_task(task, config.evaluation)
     number = {old: new for new, old in enumerate(sorted({target.scene for target in drawn}))}

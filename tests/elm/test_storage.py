@@ -6,6 +6,8 @@ from safetensors.numpy import save_file
 from sklearn.base import clone
 
 from relm_irl_jax.elm import ELMRegressor, load_elm, save_elm
+from relm_irl_jax.errors import InputError
+from relm_irl_jax.files import load_arrays_and_metadata, save_arrays
 
 
 @pytest.mark.parametrize(
@@ -26,6 +28,31 @@ def test_a_file_gives_the_same_model(parameters, data, tmp_path):
     for name, value in vars(model.hidden_).items():
         assert np.array_equal(getattr(loaded.hidden_, name), value)
     assert clone(loaded).get_params() == model.get_params()
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"predict": np.ones(3)}, "`predict` is no attribute of a fitted regressor"),
+        ({"__class__": np.ones(3)}, "`__class__` is no attribute"),
+        ({"coef_": None}, "`coef_` is missing"),
+        ({"coef_": np.full((2, 1), np.nan)}, "`coef_` is not finite"),
+        ({"coef_": np.ones((7, 7))}, "contradict each other"),
+        ({"hidden_.weights": np.ones((1, 1))}, "contradict each other|contains no whole regressor"),
+        ({"intercept_": np.ones(1, np.int64)}, "not in double precision"),
+    ],
+)
+def test_tensors_that_do_not_belong_to_a_model(data, tmp_path, changes, said):
+    """The file's checksum is right: another program wrote it."""
+    X, T = data
+    path = tmp_path / "model.safetensors"
+    save_elm(ELMRegressor(20, random_state=0).fit(X, T), path)
+    tensors, metadata = load_arrays_and_metadata(path)
+    changed = {name: value for name, value in (tensors | changes).items() if value is not None}
+    save_arrays(path, changed, metadata)
+    with pytest.raises(InputError, match=said) as refusal:
+        load_elm(path)
+    assert str(refusal.value).startswith(f"{path}: ")
 
 
 def test_files_that_hold_no_model(tmp_path):

@@ -41,6 +41,7 @@ def test_a_file_with_torchvisions_classifier_and_counters_loads(state, tmp_path)
 @pytest.mark.parametrize(
     ("name", "value", "says"),
     [
+        ("bn1.weight", np.full(64, 1e300), "not finite in single precision"),
         ("layer2.1.bn3.running_var", None, "is missing"),
         (
             "layer2.1.conv2.weight",
@@ -61,6 +62,14 @@ def test_a_damaged_file_is_named_with_its_tensor(state, tmp_path, name, value, s
         pretrained.load_state_dict(path)
     assert str(path) in str(error.value)
     assert name in str(error.value)
+
+
+def test_finite_weights_that_overflow_together_are_refused(state, tmp_path):
+    path = tmp_path / "large.safetensors"
+    large = {"bn1.weight": np.full(64, 3e38, np.float32), "bn1.running_var": np.zeros(64, np.float32)}
+    save_file(state | large, path)
+    with pytest.raises(InputError, match=r"tensors of bn1 overflow in single precision"):
+        pretrained.load_state_dict(path)
 
 
 def test_a_missing_file_and_a_file_of_another_format_are_input_errors(tmp_path):

@@ -11,6 +11,7 @@ from builders import grid_scene, labelled
 from relm_irl_jax import env
 from relm_irl_jax.env import Episode
 from relm_irl_jax.errors import InputError
+from relm_irl_jax.rewards import demonstrated
 from relm_irl_jax.rewards.basis import fit_basis
 from relm_irl_jax.rewards.demonstrated import learn_demonstrated_rewards
 from relm_irl_jax.rewards.equation import LinearRewardForm, linear_reward
@@ -185,6 +186,23 @@ def test_single_trajectories_have_weights_of_their_own(rooms, split, learned):
                 nearest = [i for i in others if record.starts[0] in records[i].starts]
                 assert passing[0] in nearest
                 assert number in others
+
+
+def test_problems_of_large_scenes_are_solved_in_parts(rooms, split, learned, monkeypatch):
+    monkeypatch.setattr(demonstrated, "EXPERTS_IN_MEMORY", 7 * max(scene.n_states for scene in rooms))
+    parts, solve = [], demonstrated.learn_weights
+
+    def counted(problems, *arguments):
+        parts.append((len(problems), arguments[-1]))
+        return solve(problems, *arguments)
+
+    monkeypatch.setattr(demonstrated, "learn_weights", counted)
+    records = learn_demonstrated_rewards(rooms, split, learned.phi, IRL, 0)
+    assert max(size for size, _ in parts) == 7
+    assert [said for _, said in parts] == [f"inverse RL, part {i + 1}/{len(parts)}" for i in range(len(parts))]
+    assert [record.target for record in records] == [record.target for record in learned.demonstrated]
+    for one, other in zip(records, learned.demonstrated, strict=True):
+        np.testing.assert_array_equal(one.solution.w, other.solution.w)
 
 
 def test_predictions_follow_the_pairs_they_were_fitted_on(rooms, split, learned, data, regressors, predictor):

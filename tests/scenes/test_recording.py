@@ -7,7 +7,7 @@ import pytest
 
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.scenes import Pose, SimulatorScene, View, load_scene, next_pose, record_scene
-from relm_irl_jax.scenes.check import check_scene
+from relm_irl_jax.scenes.consistency import check_scene
 from relm_irl_jax.scenes.scene import HEADINGS
 
 PLAN = ["....", ".##.", "...."]

@@ -11,7 +11,7 @@ import pytest
 
 from relm_irl_jax.cli import main
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.scenes.check import check_scene
+from relm_irl_jax.scenes.consistency import check_scene
 from relm_irl_jax.scenes.recording.record import record_scene
 from relm_irl_jax.scenes.recording.thor import ThorSettings, read_house, room_type_of_floor_plan, thor_scene
 

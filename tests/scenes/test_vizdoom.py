@@ -12,7 +12,7 @@ import pytest
 
 from relm_irl_jax.cli import main
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.scenes.check import check_scene
+from relm_irl_jax.scenes.consistency import check_scene
 from relm_irl_jax.scenes.recording.record import record_scene
 from relm_irl_jax.scenes.recording.simulator import AHEAD, BACK, Pose, next_pose
 from relm_irl_jax.scenes.recording.vizdoom import VizdoomSettings, reachable_places, vizdoom_map, vizdoom_maps

@@ -4,6 +4,7 @@ import dataclasses
 import struct
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from interruption import EVERY_CHUNK, assert_same, interrupt, resume
@@ -11,6 +12,9 @@ from tiny import CHUNK, SMALL, problem
 
 from relm_irl_jax.agents.settings import LogSettings
 from relm_irl_jax.agents.siamese.agent import SiameseAgent
+from relm_irl_jax.checkpoints import Checkpoints
+from relm_irl_jax.config import Config
+from relm_irl_jax.errors import InputError
 from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.types import TrainingLog
 
@@ -45,6 +49,29 @@ def test_a_damaged_checkpoint_costs_no_more_than_its_training(uninterrupted, tmp
     assert_same(uninterrupted, result)
     # The new checkpoints are good ones.
     assert_same(uninterrupted, resume(tmp_path, trained)[0])
+
+
+def test_no_flipped_bit_of_a_checkpoint_gives_another_state(tmp_path):
+    """Orbax itself restores other numbers after some of them."""
+    state, rows = {"a": jnp.sqrt(jnp.arange(200.0))}, [{"frames": 10.0, "loss": 0.5}]
+    with Checkpoints(tmp_path / "c", Config()) as checkpoints:
+        checkpoints.save(state, rows)
+    arrays = max((tmp_path / "c").rglob("d/*"), key=lambda path: path.stat().st_size)
+    refused = 0
+    for path, step in ((arrays, 16), (tmp_path / "c/1/rows/metadata", 8)):
+        content = path.read_bytes()
+        for place in range(0, len(content), step):
+            path.write_bytes(content[:place] + bytes([content[place] ^ 1]) + content[place + 1 :])
+            try:
+                with Checkpoints(tmp_path / "c", Config()) as checkpoints:
+                    found, found_rows = checkpoints.restore(state)
+            except InputError:
+                refused += 1
+            else:
+                assert found_rows == rows
+                np.testing.assert_array_equal(found["a"], state["a"])
+        path.write_bytes(content)
+    assert refused > 5
 
 
 def test_a_checkpoint_of_another_configuration_is_left_alone(uninterrupted, tmp_path, capsys):

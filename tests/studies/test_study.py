@@ -15,6 +15,7 @@ from builders import grid_scene, labelled
 from relm_irl_jax.config import Config, overlay
 from relm_irl_jax.elm import ELMRegressor
 from relm_irl_jax.rewards.basis import RewardBasis
+from relm_irl_jax.rewards.equation import form_of
 from relm_irl_jax.rewards.learned import LearnedRewards
 from relm_irl_jax.rewards.predicted import pair_inputs
 from relm_irl_jax.stages.encoding import EncodedScenes
@@ -75,7 +76,7 @@ def test_rewards_are_shared_as_far_as_configurations_agree(scenes, monkeypatch):
         assert split == draw_split(scenes, (), SMALL.tasks, seed)
         calls[settings.dimension, seed] += 1
         basis = RewardBasis(np.zeros(10), np.zeros((10, settings.dimension)))
-        return LearnedRewards(basis, (), (), {}, settings.form())
+        return LearnedRewards(basis, (), (), {}, form_of(settings))
 
     def fit_regressors(scenes, demonstrated, settings, seed):
         calls["fitted", settings.hidden, seed] += 1

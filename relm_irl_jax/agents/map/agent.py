@@ -22,6 +22,7 @@ from relm_irl_jax.agents.map.rooms import Room, room_from_graph
 from relm_irl_jax.agents.map.training_rooms import GivenRooms, TrainingRooms
 from relm_irl_jax.agents.map.update import Numbers, TrainState, make_optimizer, update
 from relm_irl_jax.agents.map.walks import Walks, draw_walks
+from relm_irl_jax.agents.map.weights import fits
 from relm_irl_jax.agents.settings import MapSettings
 from relm_irl_jax.agents.training import Chunks, curve_from_rows, run_chunks, split_into_chunks
 from relm_irl_jax.errors import InputError
@@ -113,7 +114,10 @@ class MapAgent:
 
         Raises:
             InputError: a scene's views are missing or do not fit it, or it is too large to be filled.
+            ValueError: the parameters are not those of the network.
         """
+        if not fits(parameters, self.network):
+            raise ValueError("the parameters do not fit the network")
         views = world_views(self.views, world)
         projections = look(self.network, parameters["network"], jnp.asarray(views))
         known = self.settings.memory == "filled" and bool((np.asarray(world.training_scene) >= 0).all())

@@ -70,7 +70,7 @@ def make_optimizer(numbers: Numbers) -> optax.GradientTransformation:
     return optax.chain(optax.clip_by_global_norm(GRADIENT_CLIP), optax.adamw(rate, weight_decay=decay))
 
 
-@partial(jax.jit, static_argnames="network", donate_argnums=0)
+@partial(jax.jit, static_argnames="network")
 def update(state: TrainState, walks: Walks, numbers: Numbers, network: MapNetwork) -> tuple[TrainState, Losses]:
     """Take one gradient step.
 

@@ -40,11 +40,39 @@ def load_weights(path: Path = SHIPPED) -> tuple[Parameters, dict[str, str]]:
         The parameters in single precision, and their provenance.
 
     Raises:
-        InputError: the file is missing, damaged, or holds another network's weights.
+        InputError: the file is missing or damaged, a weight is not finite, or it holds another network's weights.
     """
     flat, provenance = load_arrays_and_metadata(path)
-    parameters = unflatten_dict({name: jnp.asarray(leaf, jnp.float32) for name, leaf in flat.items()}, sep="/")
-    form = jax.eval_shape(lambda: initial_parameters(MapNetwork()))
-    if jax.tree.map(np.shape, parameters) != jax.tree.map(np.shape, form):
+    flat = {name: _single_precision(leaf, f"{path}: tensor `{name}`") for name, leaf in flat.items()}
+    try:
+        parameters = unflatten_dict({name: jnp.asarray(leaf) for name, leaf in flat.items()}, sep="/")
+    except (TypeError, ValueError, AttributeError):  # names of which one is a part of another
+        parameters = {}
+    if not fits(parameters, MapNetwork()):
         raise InputError(f"{path}: the weights do not fit the mapping agent's network; give a file of its weights.")
     return parameters, provenance
+
+
+def fits(parameters: Parameters, network: MapNetwork) -> bool:
+    """Whether parameters have the names and shapes of a network's.
+
+    Args:
+        parameters: the parameters.
+        network: the network.
+
+    Returns:
+        Whether the network can use them.
+    """
+    form = jax.eval_shape(lambda: initial_parameters(network))
+    return jax.tree.map(np.shape, parameters) == jax.tree.map(np.shape, form)
+
+
+def _single_precision(tensor: np.ndarray, name: str) -> np.ndarray:
+    """Convert a tensor that was read from a file; raises InputError if it is no tensor of finite numbers."""
+    if tensor.dtype.kind != "f":
+        raise InputError(f"{name} has the type {tensor.dtype}; give a file of the mapping agent's weights.")
+    with np.errstate(over="ignore"):
+        single = tensor.astype(np.float32)
+    if not np.isfinite(single).all():
+        raise InputError(f"{name} is not finite in single precision; give another file of weights.")
+    return single

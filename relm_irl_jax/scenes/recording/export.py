@@ -1,7 +1,6 @@
 """Recording of several scenes of a simulator in a folder of scene files."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from time import monotonic
@@ -11,10 +10,7 @@ from rich.table import Table
 
 from relm_irl_jax.scenes.objects import best_views
 from relm_irl_jax.scenes.recording.record import Recording, record_scene
-from relm_irl_jax.scenes.recording.simulator import SimulatorScene
-
-SceneOpener = Callable[[], AbstractContextManager[SimulatorScene]]
-"""Starts a simulator in one scene; it stops when the context ends."""
+from relm_irl_jax.scenes.recording.simulator import SceneOpener
 
 
 @dataclass(frozen=True)

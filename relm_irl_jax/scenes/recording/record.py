@@ -20,7 +20,7 @@ from scipy.sparse.csgraph import connected_components
 
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.progress import progress_bar
-from relm_irl_jax.scenes.check import TOLERANCE
+from relm_irl_jax.scenes.consistency import TOLERANCE
 from relm_irl_jax.scenes.recording.simulator import Pose, SimulatorScene, View, next_pose
 from relm_irl_jax.scenes.scene import ACTIONS, COLLISION, GRID_STEP, Scene, shortest_path_distances
 from relm_irl_jax.scenes.scene_file import save_scene

@@ -6,6 +6,7 @@ poses and builds the `Scene`. `recording.vizdoom` and `recording.thor` are examp
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -83,3 +84,7 @@ def next_pose(pose: Pose, action: str) -> Pose:
     angle = math.radians(pose.rotation)
     step = GRID_STEP if action == AHEAD else -GRID_STEP
     return pose._replace(x=pose.x + step * round(math.sin(angle)), z=pose.z + step * round(math.cos(angle)))
+
+
+SceneOpener = Callable[[], AbstractContextManager[SimulatorScene]]
+"""Starts a simulator in one scene; it stops when the context ends."""

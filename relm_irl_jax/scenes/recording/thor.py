@@ -16,15 +16,15 @@ from contextlib import contextmanager
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
+from relm_irl_jax.bounds import ImageSize
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.scenes.recording.export import SceneOpener
-from relm_irl_jax.scenes.recording.simulator import Pose, SimulatorScene, View
+from relm_irl_jax.scenes.recording.simulator import Pose, SceneOpener, SimulatorScene, View
 from relm_irl_jax.scenes.scene import GRID_STEP, HEADINGS
 
 VISIBILITY_DISTANCE = 100.0
@@ -41,7 +41,7 @@ _ROOM_TYPES = {0: "kitchen", 2: "living_room", 3: "bedroom", 4: "bathroom"}
 class ThorSettings:
     """Views of AI2-THOR's scenes."""
 
-    image_size: int = Field(default=224, ge=8)
+    image_size: Annotated[ImageSize, Field(ge=8)] = 224
     """Rows and columns of a view."""
     cloud_rendering: bool = False
     """Render without a display, with Vulkan."""

@@ -1,24 +1,18 @@
 """Cache of built-in rooms: each room is generated once, and then read from the user's cache folder."""
 
-from pathlib import Path
-
-from platformdirs import user_cache_path
+from contextlib import suppress
 
 from relm_irl_jax.errors import InputError
+from relm_irl_jax.files import cache_folder, has_checksum, write_checksum
 from relm_irl_jax.scenes.rooms.room_specifications import VERSION
 from relm_irl_jax.scenes.scene import Scene
-from relm_irl_jax.scenes.scene_file import load_scene, save_scene
-
-
-def cache_folder() -> Path:
-    """The user's cache folder for generated rooms and features."""
-    return user_cache_path("relm-irl-jax")
+from relm_irl_jax.scenes.scene_file import read_scene, save_scene
 
 
 def built_in_room(
     room_type: str, number: int, *, size: str = "full", image_size: int = 224, views: bool = True
 ) -> Scene:
-    """Read a built-in room from the cache; generate and save it if it is missing or damaged.
+    """Read a built-in room from the cache; generate and save it if it is missing or its checksum differs.
 
     Args:
         room_type: one of `ROOM_TYPES`.
@@ -31,13 +25,14 @@ def built_in_room(
         The room.
     """
     path = cache_folder() / f"rooms-{VERSION}-{size}-{image_size}" / f"{room_type}-{number}.h5"
-    if path.exists():
-        try:
-            return load_scene(path, views=views)
-        except InputError:
-            path.unlink()
+    if has_checksum(path):
+        # Another process may replace the file meanwhile, by the same room.
+        with suppress(InputError):
+            return read_scene(path, views=views)
     from relm_irl_jax.scenes.rooms.generate import generate_room  # loads JAX
 
     scene = generate_room(room_type, number, size=size, image_size=image_size)
-    save_scene(scene, path)
+    with suppress(OSError):  # without a cache folder, the room is generated again
+        save_scene(scene, path)
+        write_checksum(path)
     return scene if views else scene.without_views()

@@ -160,6 +160,14 @@ def test_it_is_an_agent_and_makes_policies(parameters, room):
     assert agent.requires == {"goals"}
 
 
+def test_parameters_of_another_network_are_refused(parameters, room):
+    """Some of them would be broadcast without an error."""
+    agent = MapAgent(lambda _: room[1], network=NETWORK)
+    wrong = {**parameters, "prior": {**parameters["prior"], "free": parameters["prior"]["free"][:1]}}
+    with pytest.raises(ValueError, match="do not fit"):
+        agent.policy(wrong, world_of(room[0]), targets_of(3))
+
+
 def test_given_weights_are_not_trained(parameters, room):
     agent = MapAgent(lambda _: room[1], trained=lambda: parameters, network=NETWORK)
     given, curve = agent.train(jax.random.key(0), problem(world_of(room[0]), targets_of(3), None), TrainingLog())

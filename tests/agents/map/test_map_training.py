@@ -4,6 +4,7 @@ import jax
 import numpy as np
 import pytest
 from builders import grid_scene
+from flax.traverse_util import flatten_dict
 from interruption import assert_same, interrupt, resume
 
 from relm_irl_jax.agents.map.agent import draw_chunk, train_on_rooms
@@ -23,8 +24,11 @@ from relm_irl_jax.agents.map.walks import draw_walks, relative_pose
 from relm_irl_jax.agents.map.weights import load_weights, save_weights
 from relm_irl_jax.agents.settings import MapSettings
 from relm_irl_jax.agents.training import Chunks
+from relm_irl_jax.config import Config
 from relm_irl_jax.errors import InputError
+from relm_irl_jax.files import save_arrays
 from relm_irl_jax.scenes.scene import successors
+from relm_irl_jax.stages.make_agent import check_agent
 from relm_irl_jax.types import TrainingLog
 
 
@@ -174,6 +178,27 @@ def test_weights_of_another_network_are_refused(tmp_path):
         load_weights(tmp_path / "broken.safetensors")
     with pytest.raises(InputError, match="is missing"):
         load_weights(tmp_path / "missing.safetensors")
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"prior/scale": np.float32(np.nan)}, "`prior/scale` is not finite"),
+        ({"prior/scale": np.float64(1e200)}, "`prior/scale` is not finite in single precision"),
+        ({"prior/scale": np.int32(1)}, "`prior/scale` has the type int32"),
+        ({"prior/scale": np.ones(2, np.float32)}, "do not fit"),
+        ({"prior/scale/x": np.float32(1)}, "do not fit"),
+        ({"prior": np.float32(1)}, "do not fit"),
+    ],
+)
+def test_damaged_weights_are_refused_before_the_work(tmp_path, changes, said):
+    path = tmp_path / "weights.safetensors"
+    save_arrays(path, {"/".join(k): v for k, v in flatten_dict(untrained(MapNetwork())).items()} | changes)
+    config = Config(agent="map", methods=("rl",), map=MapSettings(weights=str(path)))
+    with pytest.raises(InputError, match=said) as refusal:
+        check_agent(config, ["III"])
+    assert str(refusal.value).startswith(f"{path}: ")
+    assert "\n" not in str(refusal.value)
 
 
 def test_the_weights_that_come_with_the_package_load():

@@ -1,0 +1,164 @@
+"""The commands of `relm-irl` but for `train`: their arguments, as they are read and as `--help` describes them.
+
+Importing this module loads neither JAX nor any scene source, so that help is quick.
+"""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+from pydantic.dataclasses import dataclass
+
+from relm_irl_jax.bounds import ImageSize, NonNegativeInt, PositiveInt, Seed
+from relm_irl_jax.results import Method, Task
+from relm_irl_jax.scenes.recording.thor import ThorSettings
+from relm_irl_jax.scenes.recording.vizdoom import VizdoomSettings
+from relm_irl_jax.scenes.scene import ROOM_TYPES
+from relm_irl_jax.transitions import Observed
+
+
+@dataclass(frozen=True)
+class Evaluate:
+    """Evaluate the agents of a run on a task."""
+
+    run: tyro.conf.Positional[Path]
+    """Run folder."""
+    task: Task = "II"
+    """Task to evaluate."""
+    policy: str | None = None
+    """Your own policy, which gets a row beside the run's: module:function of a batch of observations, or module:class,
+    which is called with the seed."""
+    results: Path | None = None
+    """Your own results, which get rows beside the run's: a file in the form of results.json."""
+    name: str | None = None
+    """Name of your policy or results in the tables; by default the function's name, or the names in the file."""
+    obs: Observed = "features"
+    """What your policy observes of views."""
+    history: PositiveInt = 1
+    """Number of last views that your policy observes, the latest first."""
+
+
+@dataclass(frozen=True)
+class Report:
+    """Write the report of a run again."""
+
+    run: tyro.conf.Positional[Path]
+    """Run folder."""
+
+
+@dataclass(frozen=True)
+class Play:
+    """Save animations of an agent (GIF files in the run folder), or navigate by keyboard."""
+
+    run: tyro.conf.Positional[Path | None] = None
+    """Run folder; without it, you navigate by keyboard."""
+    method: Method = "relm-irl"
+    """Method that trained the agent."""
+    task: Task = "I"
+    """Task, which determines scenes and targets."""
+    seed: Seed = 0
+    """Seed of the agent."""
+    episode: NonNegativeInt = 0
+    """Number of the episode, which determines start and target."""
+    keyboard: bool = False
+    """Navigate to a target of the task by keyboard."""
+    scene: str | None = None
+    """Scene for navigation by keyboard: with a run, the name of one of its scenes (default: the first); without a run,
+    a scene file or a built-in room (default: bathroom-0)."""
+    target: str | None = None
+    """Category of the target object for navigation without a run; by default a random one."""
+
+
+@dataclass(frozen=True)
+class Record:
+    """Write demonstrations of a run as JSON lines, which `--irl.demonstrations` reads."""
+
+    run: tyro.conf.Positional[Path]
+    """Run folder."""
+    out: Path
+    """File."""
+    method: Method | None = None
+    """Method whose agent's episodes are written, as far as they reach their target; by default the demonstrations that
+    the run's rewards are learned from."""
+    task: Task = "I"
+    """Task of the agent's episodes."""
+    seed: Seed = 0
+    """Seed of the run."""
+    episodes: PositiveInt = 20
+    """Episodes of the agent in each scene."""
+
+
+@dataclass(frozen=True)
+class Generate:
+    """Generate built-in rooms as scene files in the THOR v1 format."""
+
+    out: Path
+    """Output folder."""
+    room_types: tuple[Literal["bathroom", "bedroom", "living_room"], ...] = ROOM_TYPES
+    """Room types."""
+    count: PositiveInt = 1
+    """Rooms of each type."""
+    first: NonNegativeInt = 0
+    """Number of the first room of each type."""
+    size: Literal["full", "tiny"] = "full"
+    """The original scenes' state counts (full), or 12 to 20 places (tiny)."""
+    image_size: ImageSize = 224
+    """Rows and columns of a view."""
+
+
+@dataclass(frozen=True)
+class Check:
+    """Check that scene files are consistent and usable for training."""
+
+    files: tyro.conf.Positional[tuple[Path, ...]]
+    """Scene files, or folders of them."""
+
+
+@dataclass(frozen=True)
+class ExportVizdoom:
+    """Record maps of ViZDoom, which includes Freedoom's maps (pip install vizdoom)."""
+
+    out: Path
+    """Output folder. Existing files are kept; an interrupted recording continues."""
+    maps: tuple[str, ...]
+    """Maps: map01 to map32, or e1m1 to e4m9."""
+    settings: Annotated[VizdoomSettings, tyro.conf.arg(name="")] = VizdoomSettings()
+    """States and views."""
+
+
+@dataclass(frozen=True)
+class ExportThor:
+    """Record scenes of AI2-THOR (pip install ai2thor)."""
+
+    out: Path
+    """Output folder. Existing files are kept; an interrupted recording continues."""
+    scenes: tuple[str, ...]
+    """iTHOR scenes, such as FloorPlan401, or JSON files of ProcTHOR houses."""
+    settings: Annotated[ThorSettings, tyro.conf.arg(name="")] = ThorSettings()
+    """Views."""
+
+
+RecordedVizdoom = Annotated[ExportVizdoom, tyro.conf.subcommand("vizdoom", prefix_name=False)]
+RecordedThor = Annotated[ExportThor, tyro.conf.subcommand("thor", prefix_name=False)]
+
+
+@dataclass(frozen=True)
+class Export:
+    """Record scenes of another simulator as scene files in the THOR v1 format."""
+
+    engine: Annotated[RecordedVizdoom | RecordedThor, tyro.conf.arg(name="")]
+
+
+Generated = Annotated[Generate, tyro.conf.subcommand("generate", prefix_name=False)]
+Checked = Annotated[Check, tyro.conf.subcommand("check", prefix_name=False)]
+Exported = Annotated[Export, tyro.conf.subcommand("export", prefix_name=False)]
+
+
+@dataclass(frozen=True)
+class Bench:
+    """Measure speed on this computer."""
+
+    name: tyro.conf.Positional[Literal["agent", "scaling", "elm", "irl", "encoder"]]
+    """The benchmark."""
+    out: Path = Path("runs/bench")
+    """Output folder, with a sub-folder for each benchmark. The encoder's benchmark writes no files."""

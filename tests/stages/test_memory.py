@@ -1,0 +1,125 @@
+"""Work that the memory does not suffice for is refused before it begins, with the estimate."""
+
+import weakref
+from dataclasses import replace
+
+import h5py
+import numpy as np
+import pytest
+from builders import grid_scene
+
+from relm_irl_jax import hardware, pipeline
+from relm_irl_jax.config import Config
+from relm_irl_jax.errors import InputError
+from relm_irl_jax.features.encoder import Encoder
+from relm_irl_jax.scenes import scene_file, selection
+from relm_irl_jax.scenes.scene_file import load_scene, save_scene
+from relm_irl_jax.stages import encoding
+from relm_irl_jax.stages.memory import check_goals_memory, check_memory, estimates
+
+CONFIG = Config()
+
+
+def test_the_defaults_fit_into_two_gigabytes():
+    for agent in ("siamese", "metric"):
+        assert max(estimates(replace(CONFIG, agent=agent)).values()) < 2e9
+
+
+@pytest.mark.parametrize(
+    ("config", "said"),
+    [
+        (replace(CONFIG, siamese=replace(CONFIG.siamese, workers=10**6, t_max=1000)), r"siamese\.workers.*8,192\.0 GB"),
+        (replace(CONFIG, agent="metric", metric=replace(CONFIG.metric, states=10**5, goals=10**5)), r"metric\.states"),
+        (replace(CONFIG, elm=replace(CONFIG.elm, hidden=10**6, pairs=10**6)), r"elm\.hidden.*24,000\.0 GB"),
+        (replace(CONFIG, scene=replace(CONFIG.scene, training_per_type=1000)), r"scene\.training_per_type: features"),
+        (
+            replace(CONFIG, agent="map", methods=("rl",), scene=replace(CONFIG.scene, training_per_type=1000)),
+            r"scene\.training_per_type: views",
+        ),
+    ],
+)
+def test_absurd_sizes_are_refused_with_the_estimate(config, said, tmp_path, monkeypatch):
+    monkeypatch.setattr(hardware, "available_memory", lambda: 10**10)
+    with pytest.raises(InputError, match=rf"{said}.*and 10\.0 GB are available"):
+        check_memory(config)
+    monkeypatch.setattr(pipeline, "encode_training", None)
+    with pytest.raises(InputError, match="GB"):
+        pipeline.run(replace(config, run=tmp_path / "run"))
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_large_scene_is_refused_for_agents_that_learn_from_goals(monkeypatch):
+    scenes = [grid_scene(2, 2), grid_scene(5, 5)]
+    monkeypatch.setattr(hardware, "available_memory", lambda: 2 * 100**2 * 8 * 4 - 1)
+    for agent in ("metric", "map"):
+        config = replace(CONFIG, agent=agent, map=replace(CONFIG.map, weights="train"), scenes="a folder")
+        with pytest.raises(InputError, match=f"training the {agent} agent on 100 states of a scene .* needs about"):
+            check_goals_memory(config, scenes)
+        check_goals_memory(config, scenes[:1])
+    check_goals_memory(CONFIG, scenes)
+
+
+def test_a_scene_that_does_not_fit_is_refused(tmp_path, monkeypatch):
+    scene = replace(grid_scene(2, 2), observation=np.zeros((16, 20, 20, 3), np.uint8))
+    save_scene(scene, tmp_path / "a.h5")
+    monkeypatch.setattr(hardware, "available_memory", lambda: 10_000)
+    assert load_scene(tmp_path / "a.h5", views=False).n_states == 16
+    with pytest.raises(InputError, match=r"a\.h5: reading the scene needs about"):
+        load_scene(tmp_path / "a.h5")
+
+
+def test_the_views_of_one_scene_at_a_time_are_in_memory(tmp_path, monkeypatch):
+    """Of every scene's views, only features and a few views to calibrate the encoder remain."""
+    generator, alive = np.random.default_rng(0), []
+    for number in range(5):
+        views = generator.integers(0, 256, (16, 8, 8, 3), dtype=np.uint8)
+        scene = replace(grid_scene(2, 2, name=f"bathroom-{number}"), observation=views, features=None)
+        save_scene(scene, tmp_path / f"{number}.h5")
+
+    def read(path, *, views=True):
+        scene = load_scene(path, views=views)
+        if views:
+            alive.append(weakref.ref(scene.views))
+            assert sum(array() is not None for array in alive) <= 2  # the one before is not freed yet
+        return scene
+
+    def features(scene, encoder):
+        return replace(scene, features=scene.views.reshape(scene.n_states, -1).astype(np.float32))
+
+    monkeypatch.setattr(selection, "load_scene", read)
+    monkeypatch.setattr(encoding, "encode_scene", features)
+    monkeypatch.setattr(encoding, "make_encoder", lambda settings, views: Encoder({}, "pixels", "", 8))
+    config = replace(CONFIG, scenes=str(tmp_path), scene=replace(CONFIG.scene, training_per_type=4))
+    training = encoding.encode_training(config)
+    assert len(alive) == 2 * len(training.scenes) == 8
+    (unseen,) = encoding.encode_unseen(config, training)
+    assert unseen.name == "bathroom-4"
+    assert all(scene.observation is None for scene in (*training.scenes, unseen))
+
+
+@pytest.mark.parametrize("layout", [{}, {"compression": "gzip"}, {"dtype": np.int64}, {"dtype": np.float32}])
+def test_a_large_table_of_distances_stays_in_its_file(tmp_path, monkeypatch, layout):
+    scene = replace(grid_scene(3, 2), features=None)
+    save_scene(scene, tmp_path / "a.h5")
+    with h5py.File(tmp_path / "a.h5", "r+") as file:
+        del file["shortest_path_distance"]
+        file.create_dataset("shortest_path_distance", data=scene.shortest_path_distance, **layout)
+    monkeypatch.setattr(scene_file, "IN_FILE_BYTES", 100)
+    monkeypatch.setattr(scene_file, "ROWS_AT_ONCE", 5)
+    found = load_scene(tmp_path / "a.h5", views=False)
+    assert isinstance(found.shortest_path_distance, np.memmap) == (not layout)
+    assert found.shortest_path_distance.dtype == np.int32
+    assert (found.shortest_path_distance == scene.shortest_path_distance).all()
+    # A file written anew does not change a scene that is in use.
+    save_scene(grid_scene(3, 2), tmp_path / "a.h5")
+    assert (found.reachable == scene.reachable).all()
+
+
+def test_where_the_system_says_nothing_nothing_is_refused(monkeypatch):
+    monkeypatch.setattr(hardware, "available_memory", lambda: None)
+    check_memory(replace(CONFIG, siamese=replace(CONFIG.siamese, workers=10**6, t_max=1000)))
+
+
+def test_this_computer_has_memory():
+    available = hardware.available_memory()
+    assert available is None or 10**7 < available < 10**14
