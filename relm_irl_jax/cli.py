@@ -15,6 +15,7 @@ from rich.console import Console
 from relm_irl_jax import __version__
 from relm_irl_jax.config import Config, Method, Task, load_config
 from relm_irl_jax.errors import InputError, first_fault
+from relm_irl_jax.features.training.settings import EncoderTraining
 from relm_irl_jax.pipeline import evaluate_run, run
 from relm_irl_jax.play.animation import play as play_run
 from relm_irl_jax.play.keyboard import draw_episode, play_in_terminal, scene_and_targets, scene_and_targets_of_run
@@ -142,6 +143,18 @@ Exported = Annotated[Export, tyro.conf.subcommand("export", prefix_name=False)]
 
 
 @dataclass(frozen=True)
+class ShowEncoder:
+    """Show how weights of the small encoder were trained."""
+
+    weights: tyro.conf.Positional[str]
+    """rooms, rooms-paths, or a file of weights."""
+
+
+TrainedEncoder = Annotated[EncoderTraining, tyro.conf.subcommand("train", prefix_name=False)]
+ShownEncoder = Annotated[ShowEncoder, tyro.conf.subcommand("show", prefix_name=False)]
+
+
+@dataclass(frozen=True)
 class Bench:
     """Measure speed on this computer."""
 
@@ -220,6 +233,16 @@ def _dispatch(arguments: list[str]) -> None:
             _export(command.engine)
         else:
             _check(command)
+
+    @app.command
+    def encoder(command: Annotated[TrainedEncoder | ShownEncoder, tyro.conf.arg(name="")]) -> None:
+        """Train the small encoder on generated rooms or your own scenes, or show how weights were trained."""
+        from relm_irl_jax.features.training.command import provenance_table, quality_table, train_encoder
+
+        if isinstance(command, ShowEncoder):
+            Console().print(provenance_table(command.weights))
+        else:
+            Console().print(quality_table(*train_encoder(command)))
 
     @app.command
     def bench(command: Annotated[Bench, tyro.conf.arg(name="")]) -> None:

@@ -30,11 +30,12 @@ from relm_irl_jax.env import Episode, TargetRange
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.features.cache import encode_scene
 from relm_irl_jax.features.encoder import N_CALIBRATION_VIEWS, make_encoder
-from relm_irl_jax.features.settings import EncoderSettings
+from relm_irl_jax.features.settings import EncoderSettings, settings_for
 from relm_irl_jax.rewards.functions import RewardFunction, manual_reward
 from relm_irl_jax.rewards.settings import ManualSettings
 from relm_irl_jax.scenes.objects import best_views
 from relm_irl_jax.scenes.rooms.cache import built_in_room
+from relm_irl_jax.scenes.rooms.room_specifications import SOURCE
 from relm_irl_jax.scenes.scene import ACTIONS, ROOM_TYPES, Scene
 from relm_irl_jax.scenes.scene_file import load_scene
 from relm_irl_jax.tasks import Target
@@ -335,9 +336,10 @@ def target_states(scene: Scene, target: int | str | Sequence[int] | None) -> lis
 
 
 def _encoded(scene: Scene) -> Scene:
-    """The scene with features of the default encoder, whose batch-norm statistics are measured on the scene's views."""
+    """The scene with features of the default encoder; random weights are calibrated on the scene's views."""
     calibration_views = scene.views[:: max(1, scene.n_states // N_CALIBRATION_VIEWS)]
-    return encode_scene(scene, make_encoder(EncoderSettings(), calibration_views))
+    settings = settings_for(EncoderSettings(), built_in=scene.source == SOURCE)
+    return encode_scene(scene, make_encoder(settings, calibration_views))
 
 
 def _without_features(scene: Scene) -> Scene:

@@ -14,7 +14,7 @@ from relm_irl_jax.run_config import open_run
 from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.scenes.selection import check_scenes_setting
-from relm_irl_jax.stages.encoding import EncodedScenes, encode_training
+from relm_irl_jax.stages.encoding import EncodedScenes, check_encoder, encode_training
 from relm_irl_jax.stages.episodes import AgentChoice, save_shown_episodes
 from relm_irl_jax.stages.evaluation import evaluate_task
 from relm_irl_jax.stages.make_agent import check_agent
@@ -58,6 +58,7 @@ def run(
     if encoded is None:
         with stopwatch("scenes and features"):
             encoded = encode_training(config)
+    check_encoder(folder, encoded)
     joint: dict[Method, list[SeedInputs]] = {}
     for seed in range(config.seeds):
         split = draw_split(encoded.scenes, (), config.tasks, seed)
@@ -100,5 +101,7 @@ def evaluate_run(config: Config, folder: RunFolder, task: Task) -> None:
         folder: the run folder.
         task: `I`, `II` or `III`.
     """
-    _evaluate(config, folder, encode_training(config), task)
+    encoded = encode_training(config)
+    check_encoder(folder, encoded)
+    _evaluate(config, folder, encoded, task)
     write_report(folder)

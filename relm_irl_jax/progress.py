@@ -30,11 +30,11 @@ class _Rate(ProgressColumn):
 
 
 @contextmanager
-def progress_bar(description: str, total: int, unit: str) -> Iterator[Callable[[int], None]]:
+def progress_bar(description: str | None, total: int, unit: str) -> Iterator[Callable[[int], None]]:
     """Show a bar while the block runs.
 
     Args:
-        description: label of the bar, for example `rendering bathroom-0`.
+        description: label of the bar, for example `rendering bathroom-0`; None for no bar.
         total: number of units in total.
         unit: plural name of the unit, for example `views`.
 
@@ -49,6 +49,6 @@ def progress_bar(description: str, total: int, unit: str) -> Iterator[Callable[[
         TimeElapsedColumn(table_column=Column(no_wrap=True)),
         TimeRemainingColumn(table_column=Column(no_wrap=True)),
     )
-    with Progress(*columns, console=console) as progress:
-        task = progress.add_task(description, total=total, unit=unit)
+    with Progress(*columns, console=console, disable=description is None) as progress:
+        task = progress.add_task(description or "", total=total, unit=unit)
         yield lambda done: progress.advance(task, done)

@@ -22,7 +22,8 @@ from relm_irl_jax.config import Config
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.gym import find_scene, target_states
 from relm_irl_jax.scenes.scene import Scene, successors
-from relm_irl_jax.scenes.selection import training_scenes, unseen_scenes
+from relm_irl_jax.scenes.selection import scene_to_show, training_scenes, unseen_scenes
+from relm_irl_jax.stages.encoding import scene_settings
 from relm_irl_jax.stages.episodes import EpisodePath
 from relm_irl_jax.tasks import draw_split
 
@@ -50,8 +51,9 @@ def scene_and_targets_of_run(config: Config, task: str, seed: int, name: str | N
     Raises:
         InputError: the task has no such scene.
     """
-    training = training_scenes(config.scenes, config.scene)
-    unseen = unseen_scenes(config.scenes, config.scene) if task == "III" else []
+    settings = scene_settings(config)  # objects are as large in views as in the run's, so that the targets are the same
+    training = training_scenes(config.scenes, settings, views=False)
+    unseen = unseen_scenes(config.scenes, settings, views=False) if task == "III" else []
     scenes = unseen if task == "III" else training
     targets = draw_split(training, unseen, config.tasks, seed).of_task(task, config.evaluation)
     states = {scene.name: [t.state for t in targets if t.scene == number] for number, scene in enumerate(scenes)}
@@ -59,7 +61,7 @@ def scene_and_targets_of_run(config: Config, task: str, seed: int, name: str | N
     chosen = next(iter(with_targets)) if name is None else name
     if chosen not in with_targets:
         raise InputError(f"scene: Task {task} has no targets in {chosen}; give one of {', '.join(with_targets)}.")
-    return with_targets[chosen], states[chosen]
+    return scene_to_show(config.scenes, config.scene, chosen), states[chosen]
 
 
 def scene_and_targets(scene: str, target: str | None) -> tuple[Scene, list[int]]:

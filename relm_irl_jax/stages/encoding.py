@@ -1,13 +1,18 @@
 """First stage: scenes and the features of their views."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 
-from relm_irl_jax.config import Config
+from relm_irl_jax.config import Config, read_fields
+from relm_irl_jax.errors import InputError
 from relm_irl_jax.features.cache import encode_scene
-from relm_irl_jax.features.encoder import N_CALIBRATION_VIEWS, Encoder, make_encoder
+from relm_irl_jax.features.encoder import N_CALIBRATION_VIEWS, Encoder, image_size_of, make_encoder
+from relm_irl_jax.features.settings import EncoderSettings, settings_for
+from relm_irl_jax.files import write_json
+from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.scenes.selection import ROOMS, SceneSettings, training_scenes, unseen_scenes
 
@@ -36,13 +41,16 @@ def encode_training(config: Config) -> EncodedScenes:
     Returns:
         The training scenes with features.
     """
-    scenes = training_scenes(config.scenes, config.scene)
-    if config.scenes != ROOMS and all(scene.features is not None for scene in scenes):
+    scenes = training_scenes(config.scenes, scene_settings(config))
+    settings = encoder_settings(config)
+    if settings.weights == "auto" and all(scene.features is not None for scene in scenes):
         return EncodedScenes([scene.without_views() for scene in scenes], None, scenes[0].encoder)
     # The statistics of random weights are measured on training views only, so that unseen scenes stay unseen.
     share = -(-N_CALIBRATION_VIEWS // len(scenes))
     views = [scene.views[:: max(1, scene.n_states // share)][:share] for scene in scenes]
-    encoder = make_encoder(config.encoder, np.concatenate(views))
+    encoder = make_encoder(settings, np.concatenate(views))
+    if config.scenes == ROOMS:
+        _check_apart(encoder, scenes)
     return EncodedScenes([encode_scene(scene, encoder).without_views() for scene in scenes], encoder, encoder.name)
 
 
@@ -56,7 +64,58 @@ def encode_unseen(config: Config, training: EncodedScenes) -> list[Scene]:
     Returns:
         The unseen scenes with features.
     """
-    return _encode_unseen(config.scenes, config.scene, training)
+    return _encode_unseen(config.scenes, scene_settings(config), training)
+
+
+def encoder_settings(config: Config) -> EncoderSettings:
+    """The encoder's settings, with what `auto` means for the configuration's scenes.
+
+    Args:
+        config: the configuration.
+    """
+    return settings_for(config.encoder, built_in=config.scenes == ROOMS)
+
+
+def scene_settings(config: Config) -> SceneSettings:
+    """The settings of scenes, with the size at which built-in rooms are rendered where nobody looks at them.
+
+    Args:
+        config: the configuration.
+    """
+    return replace(config.scene, image_size=config.scene.image_size or image_size_of(encoder_settings(config)))
+
+
+def check_encoder(folder: RunFolder, encoded: EncodedScenes) -> None:
+    """Note the encoder of a run's first training, and refuse another one afterwards.
+
+    Args:
+        folder: the run folder.
+        encoded: the training scenes.
+
+    Raises:
+        InputError: agents of the run were trained with another encoder.
+    """
+    fingerprint = encoded.encoder.fingerprint if encoded.encoder else ""
+    found = {"name": encoded.encoder_name, "fingerprint": fingerprint}
+    if not folder.encoder.exists():
+        write_json(folder.encoder, found)
+        return
+    noted = read_fields(folder.encoder)
+    if noted != found:
+        raise InputError(
+            f"run: the agents in {folder.path} were trained with encoder {noted.get('name')}, not {found['name']} as "
+            "the weights are now; restore those weights, or give another run folder."
+        )
+
+
+def _check_apart(encoder: Encoder, scenes: Sequence[Scene]) -> None:
+    """Refuse scenes that the encoder was trained on, where they must be new to it."""
+    known = sorted({scene.name for scene in scenes} & encoder.trained_scenes)
+    if known:
+        raise InputError(
+            f"encoder: {encoder.name} was trained on {known[0]}, which must be new to it here; choose other scenes, or "
+            "another encoder with --encoder.weights."
+        )
 
 
 @lru_cache(maxsize=1)
@@ -64,4 +123,5 @@ def _encode_unseen(source: str, settings: SceneSettings, training: EncodedScenes
     scenes = unseen_scenes(source, settings)
     if training.encoder is None:
         return [scene.without_views() for scene in scenes]
+    _check_apart(training.encoder, scenes)
     return [encode_scene(scene, training.encoder).without_views() for scene in scenes]

@@ -12,7 +12,7 @@ from relm_irl_jax.experts import follow_expert, shortest_path_expert
 from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.saved_maps import SavedEpisode, poses_of, save_episodes
 from relm_irl_jax.scenes.scene import Scene
-from relm_irl_jax.scenes.selection import training_scenes, unseen_scenes
+from relm_irl_jax.scenes.selection import scene_to_show
 from relm_irl_jax.stages.encoding import EncodedScenes
 from relm_irl_jax.stages.evaluation import load_policy
 from relm_irl_jax.stages.worlds import EvaluationTask, evaluation_task
@@ -92,15 +92,13 @@ def paths_of_agent(
         episode: number of the episode, which determines start, target and actions.
 
     Returns:
-        The task, and for each scene the scene with its views and the path.
+        The task, and for each scene the scene without its views and the path.
     """
     task = evaluation_task(config, training, choice.task, choice.seed)
-    with_views = (unseen_scenes if choice.task == "III" else training_scenes)(config.scenes, config.scene)
-    by_name = {scene.name: scene for scene in with_views}
     policy = load_policy(config, folder, choice.method, choice.seed, task)
     key = jax.random.fold_in(jax.random.key(choice.seed), episode)
     paths = episode_paths(key, policy, task, config.tasks.cap)
-    return task, [(by_name[scene.name], path) for scene, path in zip(task.scenes, paths, strict=True)]
+    return task, list(zip(task.scenes, paths, strict=True))
 
 
 def save_shown_episodes(config: Config, folder: RunFolder, training: EncodedScenes, choice: AgentChoice) -> None:
@@ -126,6 +124,6 @@ def save_shown_episodes(config: Config, folder: RunFolder, training: EncodedScen
             category=category[number, path.target],
             path=path.states,
             shortest_path=follow_expert(scene, shortest_path_expert(scene, path.target), int(path.states[0])).states,
-            target_view=scene.views[path.target],
+            target_view=scene_to_show(config.scenes, config.scene, scene.name).views[path.target],
         )
     save_episodes(folder.episodes(choice.task), list(shown.values()))

@@ -88,7 +88,8 @@ def test_a_room_of_no_run():
 def test_a_task_of_a_run(monkeypatch):
     scenes = [grid_scene(3, 3, name="bathroom-0"), grid_scene(3, 3, name="bedroom-0")]
     split = SimpleNamespace(of_task=lambda task, settings: [SimpleNamespace(scene=1, state=7)])
-    monkeypatch.setattr(keyboard, "training_scenes", lambda *_: scenes)
+    monkeypatch.setattr(keyboard, "training_scenes", lambda *_, **__: scenes)
+    monkeypatch.setattr(keyboard, "scene_to_show", lambda _, __, name: next(s for s in scenes if s.name == name))
     monkeypatch.setattr(keyboard, "draw_split", lambda *_: split)
     scene, targets = keyboard.scene_and_targets_of_run(Config(), "I", 0, None)
     assert (scene.name, targets) == ("bedroom-0", [7])

@@ -11,7 +11,9 @@ from relm_irl_jax.scenes.rooms.room_specifications import SOURCE
 from relm_irl_jax.scenes.scene import ROOM_TYPES, Scene, pose_graph, shortest_path_distances
 
 
-def generate_room(room_type: str, seed: int, *, size: str = "full", image_size: int = 224) -> Scene:
+def generate_room(
+    room_type: str, seed: int, *, size: str = "full", image_size: int = 224, show_progress: bool = True
+) -> Scene:
     """Generate a scene with its views, deterministically.
 
     Args:
@@ -19,6 +21,7 @@ def generate_room(room_type: str, seed: int, *, size: str = "full", image_size: 
         seed: number of the room, 0 or more.
         size: `full` for the state counts of the original scenes, `tiny` for 12 to 20 places.
         image_size: rows and columns of a view.
+        show_progress: whether to show a progress bar.
 
     Returns:
         The scene, with views and visible objects, without features.
@@ -40,7 +43,7 @@ def generate_room(room_type: str, seed: int, *, size: str = "full", image_size: 
         location,
         rotation,
         size=image_size,
-        description=f"rendering {name}",
+        description=f"rendering {name}" if show_progress else None,
     )
     return Scene(
         name=name,

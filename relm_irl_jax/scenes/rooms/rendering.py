@@ -22,16 +22,16 @@ def render_views(
     rotation: Float[np.ndarray, "states"],
     *,
     size: int,
-    description: str = "rendering",
+    description: str | None = "rendering",
 ) -> tuple[UInt8[np.ndarray, "states height width 3"], Float32[np.ndarray, "states category"]]:
-    """Render all poses of a room, showing a progress bar.
+    """Render all poses of a room.
 
     Args:
         boxes: the room.
         location: places (x, z) in metres.
         rotation: headings in degrees.
         size: rows and columns of an image.
-        description: label of the progress bar.
+        description: label of the progress bar; None for no bar.
 
     Returns:
         Images, and the share of each image that each of `CATEGORIES` covers.
