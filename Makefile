@@ -12,7 +12,7 @@ KEPT   := JAX_COMPILATION_CACHE_DIR='$(CURDIR)/.cache/jax' JAX_PERSISTENT_CACHE_
 # A variable that is not given leaves the value of the configuration.
 TASK    ?=  ## I, II or III: the task that is evaluated; II by default.
 METHOD  ?=  ## all, or some of random, bc, rl, irl, elm-irl, relm-irl, as in METHOD="rl irl".
-AGENT   ?=  ## siamese or metric; siamese by default.
+AGENT   ?=  ## siamese, metric or map; siamese by default.
 SCENES  ?=  ## rooms for the built-in ones, or a folder of scene files.
 SEEDS   ?=  ## Number of seeds.
 FRAMES  ?=  ## Training frames for each method and seed: 5000000, 5e6, 5M or 600k.
@@ -24,7 +24,7 @@ QUICK   ?=  ## 1 for tiny rooms, few frames and seeds: whether everything runs, 
 JOBS    ?=  ## Runs of a study at a time; 1 by default.
 ARGS    ?=  ## More options of the command, as in ARGS="--siamese.width 256"; for tests, of pytest.
 
-.PHONY: help setup train evaluate report play test slow smoke lint bench paper notebooks lock clean
+.PHONY: help setup train evaluate report play test slow smoke lint bench paper weights notebooks lock clean
 
 # A variable on the command line that no target of it uses is refused. (help and refusals: .ci/makefile.py)
 GIVEN   := $(sort $(foreach name,$(.VARIABLES),$(if $(filter command,$(origin $(name))),$(name))))
@@ -84,8 +84,11 @@ paper: $(STAMP)  ## Make every table and figure of the paper. [PIECE VARIANT QUI
 	@$(KEPT) $(BIN)/python experiments/paper.py $(call options,pieces,PIECE) $(call options,variants,VARIANT) \
 	  $(if $(filter-out 0 no false,$(QUICK)),--quick) $(call option,out,RUN) $(call option,jobs,JOBS) $(ARGS)
 
+weights: $(STAMP)  ## Train the mapping agent's weights that come with the package. [ARGS]
+	@$(BIN)/python experiments/map_weights.py $(ARGS)
+
 notebooks: $(STAMP)  ## Run the notebooks of experiments/notebooks. [ARGS]
-	@$(KEPT) $(BIN)/python -m pytest --nbmake --nbmake-timeout=300 -n0 -p no:cacheprovider $(ARGS) experiments/notebooks
+	@$(KEPT) $(BIN)/python -m pytest --nbmake --nbmake-timeout=300 -p no:cacheprovider $(ARGS) experiments/notebooks
 
 lock:  ## Resolve pyproject.toml into requirements.lock (needs uv).
 	uv pip compile pyproject.toml --extra dev --universal --python-version 3.11 --generate-hashes \

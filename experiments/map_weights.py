@@ -1,7 +1,7 @@
-"""Train the mapping agent's weights that come with the package: `python experiments/map_weights.py`.
+"""Train the mapping agent's weights that come with the package: `make weights`.
 
-Rooms are the built-in ones from number 1000 on, apart from all that any task evaluates on. Living rooms, the hardest,
-are walked twice as often as the others.
+Rooms are the generated ones from number 1000 on, apart from all that any task evaluates on. An interrupted training
+begins again.
 """
 
 import argparse
@@ -11,50 +11,58 @@ import sys
 import time
 from pathlib import Path
 
-import numpy as np
+import jax
 
-from relm_irl_jax.agents.map.network import VIEW, MapNetwork
-from relm_irl_jax.agents.map.train import Losses, MapSettings, TrainState, train_map
-from relm_irl_jax.agents.map.training_data import FIRST_ROOM, Room, to_room, training_numbers
+from relm_irl_jax.agents.map.agent import train_on_rooms
+from relm_irl_jax.agents.map.network import MapNetwork
+from relm_irl_jax.agents.map.training_rooms import GeneratedRooms
 from relm_irl_jax.agents.map.weights import SHIPPED, save_weights
-from relm_irl_jax.scenes.rooms.generate import generate_room
+from relm_irl_jax.agents.settings import FRAMES, MapSettings
+from relm_irl_jax.progress import progress_bar
 from relm_irl_jax.scenes.rooms.room_specifications import VERSION
+from relm_irl_jax.scenes.rooms.training_rooms import FIRST_ROOM
+from relm_irl_jax.types import Row, State, TrainingLog
+
+
+class ProgressLog(TrainingLog):
+    """Moves a progress bar, and prints a row now and then."""
+
+    def __init__(self, advance):
+        self._advance, self._frames = advance, 0.0
+
+    def add(self, state: State, rows: list[Row]) -> None:
+        """Report a finished chunk of updates."""
+        self._advance(int(rows[-1]["frames"] - self._frames))
+        self._frames = rows[-1]["frames"]
+        if len(rows) % 10 == 0:
+            means = {name: sum(row[name] for row in rows[-10:]) / 10 for name in rows[-1] if name != "frames"}
+            print(f"{rows[-1]['frames']:9.0f}", *(f"{name} {value:.3f}" for name, value in means.items()), flush=True)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--rooms", type=int, default=600, help="training rooms, a third of each type")
-    parser.add_argument("--steps", type=int, default=MapSettings().steps)
+    parser.add_argument("--rooms", type=int, default=MapSettings().rooms, help="training rooms, a third of each type")
+    parser.add_argument("--frames", type=int, default=FRAMES["map"], help="views of all walks")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--output", type=Path, default=SHIPPED)
     arguments = parser.parse_args()
 
-    begin = time.perf_counter()
-    rooms: list[Room] = []
-    for room_type, number in training_numbers(arguments.rooms):
-        room = to_room(generate_room(room_type, number, image_size=VIEW))
-        rooms += [room] * (2 if room_type == "living_room" else 1)
-    rendered = time.perf_counter() - begin
-
-    def report(update: int, losses: Losses, _: TrainState) -> None:
-        numbers = " ".join(f"{value:.2f}" for value in losses.pose)
-        top = " ".join(f"{value:.2f}" for value in losses.top)
-        print(f"{update:6d} {time.perf_counter() - begin:7.0f} s  nats {numbers}  top {top}", flush=True)
-
-    settings = MapSettings(steps=arguments.steps)
-    parameters, curve = train_map(rooms, settings, arguments.seed, MapNetwork(), report)
-    save_weights(
-        arguments.output,
-        parameters,
-        {
-            "command": shlex.join(["python", *sys.argv]),
-            "rooms": f"{arguments.rooms // 3} of each type from number {FIRST_ROOM}, generator version {VERSION}",
-            "settings": str(settings),
-            "seed": str(arguments.seed),
-            "nats": np.array2string(curve.pose[-1], precision=3),
-            "seconds": f"{time.perf_counter() - begin:.0f}, of which rendering {rendered:.0f}",
-        },
-    )
+    begin, used = time.perf_counter(), time.process_time()
+    settings, rooms = MapSettings(rooms=arguments.rooms), GeneratedRooms(arguments.rooms)
+    with progress_bar("training the mapping agent", arguments.frames, "frames") as advance:
+        parameters, curve = train_on_rooms(
+            jax.random.key(arguments.seed), rooms, arguments.frames, settings, ProgressLog(advance), MapNetwork()
+        )
+    provenance = {
+        "command": shlex.join(["python", *sys.argv]),
+        "rooms": f"{arguments.rooms // 3} of each type from number {FIRST_ROOM}, generator version {VERSION}",
+        "settings": str(settings),
+        "frames": str(int(curve.frames[-1])),
+        "seed": str(arguments.seed),
+        "location_loss": f"{curve.location_loss[-20:].mean():.3f} nats in the last 20 chunks",
+        "duration": f"{time.perf_counter() - begin:.0f} s, {time.process_time() - used:.0f} CPU seconds",
+    }
+    save_weights(arguments.output, parameters, provenance)
     print(arguments.output, hashlib.sha256(arguments.output.read_bytes()).hexdigest())
 
 

@@ -104,7 +104,8 @@ def main(settings: Paper) -> Path:
         irl_stability.main(irl_stability.Study(out / "stability", trajectories=walks, config=config))
     rows = ablation_rows(ablation, changes, out / "ablation")
     method_rows = ablation_rows(methods, changes, out / "irl-methods")
-    path = write_study(out, rows, method_rows).with_suffix(".html")
+    with parallel_config(n_jobs=settings.jobs) if settings.jobs > 1 else nullcontext():
+        path = write_study(out, rows, method_rows).with_suffix(".html")
     console.print(f"Report: {path}", highlight=False, soft_wrap=True)
     return path
 

@@ -4,29 +4,32 @@ import hashlib
 import json
 import tomllib
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import PositiveInt, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
-from relm_irl_jax.agents.settings import LogSettings, MetricSettings, SiameseSettings
+from relm_irl_jax.agents.settings import FRAMES, LogSettings, MapSettings, MetricSettings, SiameseSettings
 from relm_irl_jax.cluster import ClusterSettings
 from relm_irl_jax.errors import InputError, first_fault
-from relm_irl_jax.features.settings import EncoderSettings
+from relm_irl_jax.features.settings import EncoderSettings, settings_for
 from relm_irl_jax.frames import Frames
-from relm_irl_jax.results import Task
+from relm_irl_jax.results import Method, Task
 from relm_irl_jax.rewards.settings import ElmSettings, GoalSettings, IrlSettings, ManualSettings
 from relm_irl_jax.scenes.selection import ROOMS, SceneSettings
 from relm_irl_jax.tasks import EvaluationSettings, TaskSettings
 
-AgentName = Literal["siamese", "metric"]
-Method = Literal["random", "bc", "rl", "irl", "elm-irl", "relm-irl"]
+AgentName = Literal["siamese", "metric", "map"]
 METHODS: tuple[Method, ...] = ("random", "bc", "rl", "irl", "elm-irl", "relm-irl")
 """Every method, in the order of the tables."""
 
 PAPER_METHODS: tuple[Method, ...] = ("random", "rl", "irl", "elm-irl", "relm-irl")
 """What `all` means: the methods of the paper."""
+
+MAP_METHODS: tuple[Method, ...] = ("random", "rl")
+"""What `all` means for the mapping agent, which plans with equal costs of all steps and learns no reward."""
 
 NOT_TRAINED = ("task", "methods", "seeds", "run", "evaluation", "cluster", "log")
 """Fields on which trained agents do not depend; a run can only be continued if all others are unchanged."""
@@ -39,13 +42,14 @@ class Config:
     task: Task = "II"
     """Task to evaluate after training; training does not depend on it."""
     methods: tuple[Literal["all", "random", "bc", "rl", "irl", "elm-irl", "relm-irl"], ...] = ("all",)
-    """Methods to train and evaluate. `all` means all except behaviour cloning, `bc`, which must be named."""
+    """Methods to train and evaluate. `all` means all except behaviour cloning, `bc`, which must be named; for the
+    mapping agent, it means random and rl."""
     scenes: str = ROOMS
     """`rooms` for the built-in scenes, or a folder of HDF5 scene files."""
     seeds: PositiveInt = 1
     """Number of seeds (0, 1, ...); each has its own targets, demonstrations, networks and episodes."""
-    frames: Frames = 5_000_000
-    """Training frames for each method and seed."""
+    frames: Frames | None = None
+    """Training frames for each method and seed; by default 5M, and 256k for the mapping agent."""
     run: Path | None = None
     """Run folder; by default a folder in `runs/` whose name depends on the configuration."""
     scene: SceneSettings = SceneSettings()
@@ -63,11 +67,14 @@ class Config:
     goals: GoalSettings = GoalSettings()
     """Goals of hindsight relabelling, for agents that use it."""
     agent: AgentName = "siamese"
-    """`siamese` for the paper's actor-critic, `metric` for the agent that learns distances between views."""
+    """`siamese` for the paper's actor-critic, `metric` for the agent that learns distances between views, `map` for the
+    agent that draws a map while it searches."""
     siamese: SiameseSettings = SiameseSettings()
     """The paper's agent."""
     metric: MetricSettings = MetricSettings()
     """The metric agent."""
+    map: MapSettings = MapSettings()
+    """The mapping agent."""
     evaluation: EvaluationSettings = EvaluationSettings()
     """Evaluation."""
     log: LogSettings = LogSettings()
@@ -77,8 +84,22 @@ class Config:
 
     def chosen_methods(self) -> tuple[Method, ...]:
         """Methods to train and evaluate, in the order of the tables."""
-        chosen = {*self.methods, *(PAPER_METHODS if "all" in self.methods else ())}
+        meant_by_all = MAP_METHODS if self.agent == "map" else PAPER_METHODS
+        chosen = {*self.methods, *(meant_by_all if "all" in self.methods else ())}
         return tuple(m for m in METHODS if m in chosen)
+
+    @property
+    def training_frames(self) -> int:
+        """Training frames for each method and seed."""
+        return FRAMES[self.agent] if self.frames is None else self.frames
+
+    def resolved(self) -> "Config":
+        """The same configuration with every default that depends on other fields in place of None or `auto`."""
+        weights = self.map.weights
+        if weights == "auto":
+            weights = "package" if self.scenes == ROOMS else "train"
+        encoder = settings_for(self.encoder, built_in=self.scenes == ROOMS)
+        return replace(self, frames=self.training_frames, map=replace(self.map, weights=weights), encoder=encoder)
 
 
 _ADAPTER = TypeAdapter(Config)

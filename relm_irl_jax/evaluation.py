@@ -1,16 +1,24 @@
 """Evaluation: episodes from random starts, and the paper's three metrics (section 5.4)."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Int32, PRNGKeyArray
+from jaxtyping import Array, Bool, Int32, Key, PRNGKeyArray
 
 from relm_irl_jax import env
-from relm_irl_jax.env import TargetRange, scene_target_ranges
-from relm_irl_jax.types import Observation, Policy
+from relm_irl_jax.env import Episode, scene_target_ranges
+from relm_irl_jax.types import Memory, Observation, Policy
 from relm_irl_jax.world import Targets, World
+
+MEMORY_BYTES = 2**26
+"""Most memory that policies may keep of episodes that run side by side."""
+
+STEPS_PER_CALL = 25
+"""Steps of one call of the compiled program, after which progress is reported."""
 
 
 @jax.tree_util.register_dataclass
@@ -70,7 +78,16 @@ def compute_metrics(episodes: Episodes, scene: int) -> Metrics:
     )
 
 
-def evaluate(key: PRNGKeyArray, policy: Policy, world: World, targets: Targets, cap: int, episodes: int) -> Episodes:
+def evaluate(
+    key: PRNGKeyArray,
+    policy: Policy,
+    world: World,
+    targets: Targets,
+    cap: int,
+    episodes: int,
+    *,
+    advance: Callable[[int], None] | None = None,
+) -> Episodes:
     """Run episodes in every scene, with uniformly drawn starts and targets.
 
     Args:
@@ -80,43 +97,127 @@ def evaluate(key: PRNGKeyArray, policy: Policy, world: World, targets: Targets, 
         targets: the targets; every scene has at least one.
         cap: number of steps after which an episode counts as failed.
         episodes: number of episodes in each scene.
+        advance: called with the number of episodes that have ended since its last call.
 
     Returns:
         The finished episodes.
     """
     target_range = scene_target_ranges(targets, world.n_scenes, episodes)
-    return jax.tree.map(np.asarray, _run(key, policy, world, targets, target_range, jnp.int32(cap)))
+    lanes = lanes_within_memory(policy, world.n_scenes, episodes)
+    reset_key, step_key = jax.random.split(key)
+    drawn = jax.jit(env.reset_all)(reset_key, targets, target_range)
+    progress = _start(policy, drawn, lanes=lanes)
+    ended = 0
+    while ended < drawn.target.size:
+        progress = _continue(step_key, progress, drawn, policy, world, targets, cap=jnp.int32(cap))
+        now = int((progress.length > 0).sum())
+        if advance is not None:
+            advance(now - ended)
+        ended = now
+    shortest = env.shortest_path(drawn, world, targets)
+    finished = Episodes(drawn.target, drawn.start, progress.length, shortest, progress.success)
+    return jax.tree.map(np.asarray, finished)
 
 
-@jax.jit
-def _run(
+def lanes_within_memory(policy: Policy, n_scenes: int, episodes: int) -> int:
+    """Number of episodes of each scene that run at a time, so that the policy's memories fit into `MEMORY_BYTES`.
+
+    Args:
+        policy: the policy.
+        n_scenes: number of scenes.
+        episodes: number of episodes in each scene.
+
+    Returns:
+        At least 1, at most `episodes`.
+    """
+    memory = jax.eval_shape(lambda: policy.init((n_scenes, 1)))
+    size = sum(leaf.size * leaf.dtype.itemsize for leaf in jax.tree.leaves(memory))
+    return max(1, min(episodes, MEMORY_BYTES // max(size, 1)))
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class _Progress:
+    """Episodes under way, a few of each scene in lanes side by side, and the outcomes of those that ended.
+
+    Attributes:
+        number: number of each lane's episode among those of its scene; that of no episode when none is left.
+        begun: episodes of each scene that have begun.
+        episode: each lane's episode.
+        memory: what the policy remembers of it.
+        collided: whether its last action collided.
+        length: actions of each episode that ended; 0 for the others.
+        success: whether it reached its target.
+        time: steps taken by all lanes.
+    """
+
+    number: Int32[Array, "scenes lanes"]
+    begun: Int32[Array, "scenes"]
+    episode: Episode
+    memory: Memory
+    collided: Bool[Array, "scenes lanes"]
+    length: Int32[Array, "scenes episodes"]
+    success: Bool[Array, "scenes episodes"]
+    time: Int32[Array, ""]
+
+
+@partial(jax.jit, static_argnames="lanes")
+def _start(policy: Policy, drawn: Episode, *, lanes: int) -> _Progress:
+    """The first episodes of each scene, before their first action."""
+    shape = (drawn.target.shape[0], lanes)
+    return _Progress(
+        number=jnp.broadcast_to(jnp.arange(lanes, dtype=jnp.int32), shape),
+        begun=jnp.full(shape[:1], lanes, jnp.int32),
+        episode=jax.tree.map(lambda x: x[:, :lanes], drawn),
+        memory=policy.init(shape),
+        collided=jnp.zeros(shape, bool),
+        length=jnp.zeros(drawn.target.shape, jnp.int32),
+        success=jnp.zeros(drawn.target.shape, bool),
+        time=jnp.int32(0),
+    )
+
+
+@partial(jax.jit, donate_argnums=1)
+def _continue(
     key: PRNGKeyArray,
+    progress: _Progress,
+    drawn: Episode,
     policy: Policy,
     world: World,
     targets: Targets,
-    target_range: TargetRange,
+    *,
     cap: Int32[Array, ""],
-) -> Episodes:
-    """Run one episode for each element of the batch; elements whose episode has ended no longer change."""
-    reset_key, step_key = jax.random.split(key)
-    shape = target_range.first.shape
-    first = env.reset_all(reset_key, targets, target_range)
+) -> _Progress:
+    """Take `STEPS_PER_CALL` steps with every lane, or fewer if all episodes end.
 
-    def advance(carry):
-        episode, memory, collided, success, done, time = carry
-        observation = Observation(episode.state, collided)
-        memory, action = policy.act(jax.random.fold_in(step_key, time), memory, observation, episode.target)
-        next_episode, transition = env.step(episode, action, world, targets, cap)
-        episode = env.select(done, episode, next_episode)
-        success = jnp.where(done, success, transition.terminated)
-        done |= transition.terminated | transition.truncated
-        return episode, memory, transition.collided, success, done, time + 1
+    A lane whose episode ends begins the next one of its scene; if none is left, its episode no longer changes.
+    """
+    n_episodes = drawn.target.shape[1]
+    scene = jnp.arange(drawn.target.shape[0])[:, None]
+    until = progress.time + STEPS_PER_CALL
 
-    false = jnp.zeros(shape, bool)
-    carry = (first, policy.init(shape), false, false, false, jnp.int32(0))
-    episode, _, _, success, _, _ = jax.lax.while_loop(lambda carry: ~carry[4].all(), advance, carry)
-    shortest = env.shortest_path(episode, world, targets)
-    return Episodes(episode.target, episode.start, episode.steps, shortest, success)
+    def advance(now: _Progress) -> _Progress:
+        live = now.number < n_episodes
+        observation = Observation(now.episode.state, now.collided)
+        step_key = jax.random.fold_in(key, now.time)
+        memory, action = policy.act(step_key, now.memory, observation, now.episode.target)
+        episode, transition = env.step(now.episode, action, world, targets, cap)
+        episode = env.select(live, episode, now.episode)
+        ends = live & (transition.terminated | transition.truncated)
+        row = jnp.where(ends, now.number, n_episodes)  # out of bounds: dropped
+        length = now.length.at[scene, row].set(episode.steps, mode="drop")
+        success = now.success.at[scene, row].set(transition.terminated, mode="drop")
+        # Episodes begin in their order, in the lanes that are free.
+        following = now.begun[:, None] + jnp.cumsum(ends, 1, dtype=jnp.int32) - 1
+        number = jnp.where(ends, jnp.minimum(following, n_episodes), now.number)
+        begun, collided = now.begun + ends.sum(1, dtype=jnp.int32), transition.collided & ~ends
+        if now.number.shape[1] < n_episodes:
+            chosen = jnp.minimum(number, n_episodes - 1)
+            episode = env.select(ends, jax.tree.map(lambda x: x[scene, chosen], drawn), episode)
+            memory = env.select(ends, policy.init(number.shape), memory)
+        return _Progress(number, begun, episode, memory, collided, length, success, now.time + 1)
+
+    return jax.lax.while_loop(lambda now: (now.number < n_episodes).any() & (now.time < until), advance, progress)
 
 
 def trace_episodes(
@@ -138,15 +239,23 @@ def trace_episodes(
     target_range = scene_target_ranges(targets, world.n_scenes, 1)
     reset_key, key = jax.random.split(key)
     first = env.reset_all(reset_key, targets, target_range)
+    states = _states(jax.random.split(key, cap), policy, world, targets, first)
+    states = np.concatenate([np.asarray(first.state)[None], np.asarray(states)])
+    return states[:, :, 0].T, np.asarray(first.target)[:, 0]
+
+
+@jax.jit
+def _states(
+    keys: Key[Array, "time"], policy: Policy, world: World, targets: Targets, first: Episode
+) -> Int32[Array, "time scenes 1"]:
+    """The state after each step, one for each key, without an end at the target."""
+    cap = jnp.int32(len(keys))
 
     def advance(carry, key: PRNGKeyArray):
         episode, memory, collided = carry
         memory, action = policy.act(key, memory, Observation(episode.state, collided), episode.target)
-        episode, transition = env.step(episode, action, world, targets, jnp.int32(cap))
+        episode, transition = env.step(episode, action, world, targets, cap)
         return (episode, memory, transition.collided), episode.state
 
-    shape = target_range.first.shape
-    carry = first, policy.init(shape), jnp.zeros(shape, bool)
-    _, states = jax.jit(lambda carry, keys: jax.lax.scan(advance, carry, keys))(carry, jax.random.split(key, cap))
-    states = np.concatenate([np.asarray(first.state)[None], np.asarray(states)])
-    return states[:, :, 0].T, np.asarray(first.target)[:, 0]
+    shape = first.state.shape
+    return jax.lax.scan(advance, (first, policy.init(shape), jnp.zeros(shape, bool)), keys)[1]

@@ -139,7 +139,7 @@ def save_arrays(path: Path, arrays: Mapping[str, np.ndarray], metadata: Mapping[
         arrays: arrays by name.
         metadata: strings to store in the same file.
     """
-    contiguous = {name: np.ascontiguousarray(value) for name, value in arrays.items()}
+    contiguous = {name: np.asarray(value, order="C") for name, value in arrays.items()}
     write_bytes(path, save(contiguous, None if metadata is None else dict(metadata)))
 
 

@@ -9,6 +9,7 @@ from relm_irl_jax.cluster import join
 from relm_irl_jax.config import METHODS, Config, Method, Task
 from relm_irl_jax.hardware import Stopwatch
 from relm_irl_jax.report.run_report import write_report
+from relm_irl_jax.results import LEARNED
 from relm_irl_jax.rewards.learned import LearnedRewards
 from relm_irl_jax.run_config import open_run
 from relm_irl_jax.run_folder import RunFolder
@@ -18,7 +19,7 @@ from relm_irl_jax.stages.encoding import EncodedScenes, check_encoder, encode_tr
 from relm_irl_jax.stages.episodes import AgentChoice, save_shown_episodes
 from relm_irl_jax.stages.evaluation import evaluate_task
 from relm_irl_jax.stages.make_agent import check_agent
-from relm_irl_jax.stages.rewards import LEARNED, learn, save_rewards
+from relm_irl_jax.stages.rewards import learn, save_rewards
 from relm_irl_jax.stages.training import SeedInputs, train_jointly, train_method, trains_jointly
 from relm_irl_jax.tasks import TaskSplit, draw_split
 
@@ -49,6 +50,7 @@ def run(
     Raises:
         InputError: the configuration, the scenes or the run folder cannot be used.
     """
+    config = config.resolved()
     tasks = tuple(tasks) or (config.task,)
     check_scenes_setting(config.scenes)
     check_agent(config, tasks)

@@ -25,8 +25,10 @@ class _Rate(ProgressColumn):
 
     def render(self, task: Task) -> Text:
         """Return the rate with its unit, or a dash before the first unit is done."""
-        rate = task.finished_speed or task.speed
-        return Text("-" if rate is None else f"{rate:,.0f} {task.fields['unit']}/s", style="cyan")
+        rate = task.completed / task.finished_time if task.finished_time else task.speed
+        if rate is None:
+            return Text("-", style="cyan")
+        return Text(f"{rate:,.{0 if rate >= 10 else 1}f} {task.fields['unit']}/s", style="cyan")
 
 
 @contextmanager

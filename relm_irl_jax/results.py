@@ -14,6 +14,14 @@ from relm_irl_jax.run_folder import RunFolder
 Task = Literal["I", "II", "III"]
 TASKS: tuple[Task, ...] = get_args(Task)
 
+Method = Literal["random", "bc", "rl", "irl", "elm-irl", "relm-irl"]
+
+LEARNED: tuple[Method, ...] = ("irl", "elm-irl", "relm-irl")
+"""Methods whose reward is learned from demonstrations."""
+
+PREDICTED: tuple[Method, ...] = ("elm-irl", "relm-irl")
+"""Methods whose reward a regressor predicts; the paper's Figure 11 compares them."""
+
 TargetGroup = Literal["trained", "new", "uniform"]
 """Targets of Task I, and the two kinds of Task II targets."""
 

@@ -35,8 +35,8 @@ Row = Mapping[str, float]
 State = TypeVar("State")
 """Everything that a training carries from chunk to chunk: a pytree of arrays."""
 
-Requirement = Literal["goals", "demonstrations"]
-"""An optional part of a `TrainingProblem`."""
+Requirement = Literal["features", "goals", "demonstrations"]
+"""An optional part of a `TrainingProblem`; without `features`, those of its world have no columns."""
 
 
 @jax.tree_util.register_dataclass
@@ -157,7 +157,7 @@ class Agent(Protocol):
 
     @property
     def requires(self) -> frozenset[Requirement]:
-        """Optional parts of a `TrainingProblem` that `train` needs."""
+        """Optional parts of a `TrainingProblem` that `train` needs; `policy` needs `features` if `train` does."""
         ...
 
     def train(self, key: PRNGKeyArray, problem: TrainingProblem, log: TrainingLog) -> tuple[Parameters, Any]:

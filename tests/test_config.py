@@ -78,3 +78,10 @@ def test_agents_do_not_depend_on_task_methods_seeds_or_evaluation():
 def test_methods_come_in_the_order_of_the_tables():
     assert Config(methods=("relm-irl", "random")).chosen_methods() == ("random", "relm-irl")
     assert len(Config().chosen_methods()) == 5
+
+
+def test_defaults_that_depend_on_the_scenes_are_resolved():
+    rooms, folder = Config().resolved(), Config(scenes="some/folder").resolved()
+    assert (rooms.encoder.weights, rooms.map.weights) == ("rooms", "package")
+    assert (folder.encoder.weights, folder.map.weights) == ("auto", "train")
+    assert rooms.resolved() == rooms

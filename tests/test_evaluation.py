@@ -15,7 +15,7 @@ from relm_irl_jax.agents.siamese.network import SiameseActorCritic
 from relm_irl_jax.agents.siamese.policy import PairPolicy, SeveralViewsPolicy
 from relm_irl_jax.agents.siamese.state_target_pairs import state_target_pairs
 from relm_irl_jax.agents.siamese.training import init_parameters
-from relm_irl_jax.evaluation import Episodes, compute_metrics, evaluate
+from relm_irl_jax.evaluation import Episodes, compute_metrics, evaluate, lanes_within_memory
 from relm_irl_jax.experts import shortest_path_expert
 from relm_irl_jax.tasks import Target
 from relm_irl_jax.types import NO_MEMORY
@@ -122,3 +122,29 @@ def test_a_network_evaluated_on_all_pairs_acts_as_one_evaluated_step_by_step():
     one, other = (evaluate(jax.random.key(1), policy, world, targets, 30, 50) for policy in policies)
     assert (one.length == other.length).all()
     assert 1 < one.length.mean() < 30
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class CountingPolicy:
+    """Moves ahead as long as it remembers no collision, then turns right, and back to moving after two turns."""
+
+    def init(self, shape):
+        return jnp.zeros(shape, jnp.int32)
+
+    def act(self, key, memory, observation, target):
+        memory = jnp.where(observation.collided, 2, memory)
+        return jnp.maximum(memory - 1, 0), jnp.where(memory > 0, 1, 0)
+
+
+def test_episodes_that_follow_one_another_in_a_lane_are_those_side_by_side(monkeypatch):
+    _, _, world, tables = scenes_and_targets()
+    reports = []
+    together = evaluate(jax.random.key(3), CountingPolicy(), world, tables, 30, 40, advance=reports.append)
+    assert sum(reports) == 80
+    monkeypatch.setattr("relm_irl_jax.evaluation.MEMORY_BYTES", 2 * 4 * 7)
+    assert lanes_within_memory(CountingPolicy(), 2, 40) == 7
+    in_turn = evaluate(jax.random.key(3), CountingPolicy(), world, tables, 30, 40)
+    for name, values in vars(together).items():
+        np.testing.assert_array_equal(getattr(in_turn, name), values)
+    assert 0 < together.success.mean() < 1

@@ -6,12 +6,15 @@ not compile again.
 
 from typing import Annotated, Literal
 
-from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
+from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
 from pydantic.dataclasses import dataclass
 
 from relm_irl_jax.frames import Frames
 
 Discount = Annotated[float, Field(gt=0, lt=1)]
+
+FRAMES = {"siamese": 5_000_000, "metric": 5_000_000, "map": 256_000}
+"""Training frames of each agent, unless the configuration says otherwise."""
 
 
 @dataclass(frozen=True)
@@ -105,6 +108,46 @@ class MetricSettings:
     """Factor of the distances in the policy's logits during training."""
     evaluation_inverse_temperature: PositiveFloat = 6.0
     """Factor of the distances in the policy's logits during evaluation."""
+
+
+@dataclass(frozen=True)
+class MapSettings:
+    """The mapping agent, which draws a map while it searches: network, training and search."""
+
+    weights: str = "auto"
+    """Weights: those of the package (`package`), a file of weights, or `train` to train them. `auto` means those of the
+    package for the built-in rooms, and training for other scenes."""
+    rooms: PositiveInt = 600
+    """Generated rooms to train on, if `scenes` is `rooms`: numbers from 1000 on, apart from every room of a task. Other
+    training uses the training scenes."""
+    memory: Literal["empty", "filled"] = "empty"
+    """Memory at the start of an episode in a training scene: `filled` with the scene's map of all views that training
+    has met, or `empty` as in unseen scenes."""
+    walks: PositiveInt = 1
+    """Walks of an update, all in one room."""
+    views: PositiveInt = 64
+    """Distinct views of a walk. The target is located after 1, 2, 4, ... of them."""
+    targets: PositiveInt = 24
+    """Targets of an update, the same for all walks."""
+    best_share: Annotated[float, Field(ge=0, le=1)] = 0.7
+    """Share of the targets that show an object best, as the targets of tasks do; the others are any views."""
+    learning_rate: PositiveFloat = 1.5e-3
+    """AdamW's largest step size; constant over the first half of the training, then down to 0 along a cosine."""
+    weight_decay: NonNegativeFloat = 1e-2
+    """AdamW's weight decay."""
+    free_weight: NonNegativeFloat = 1.0
+    """Weight of the loss of free places, relative to that of the target's pose."""
+    discount: Discount = 0.9
+    """Discount of a discovery per step."""
+    caution: NonNegativeFloat = 3.0
+    """Cost of entering a place per unit of log odds against its being free; chosen on rooms that no task uses."""
+    confident: Annotated[float, Field(ge=0, le=1)] = 0.5
+    """Probability of a pose above which the agent does not look around at the start."""
+    turns: NonNegativeInt = 3
+    """Largest number of turns when it looks around at the start."""
+    temperature: PositiveFloat = 1.7
+    """Divisor of the evidence for a pose: above 1, since neighbouring cells do not err independently. Chosen on rooms
+    that no task uses."""
 
 
 @dataclass(frozen=True)

@@ -22,18 +22,12 @@ from relm_irl_jax.report.learning_curves import TrainingCurve, band_columns, lea
 from relm_irl_jax.report.maps import distance_caption, distance_figure, map_columns, reward_caption, reward_figure
 from relm_irl_jax.report.names import heading
 from relm_irl_jax.report.tables import columns_of, interval_of, methods_of, seeds_of
-from relm_irl_jax.results import Results, RewardQualityRow, Task, load_reward_quality
+from relm_irl_jax.results import LEARNED, PREDICTED, Results, RewardQualityRow, Task, load_reward_quality
 from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.saved_maps import StateMap, load_episodes, load_map
 
 CURVELESS = ("random", "bc")
-"""Methods whose training has no episodes."""
-
-LEARNED = ("irl", "elm-irl", "relm-irl")
-"""Methods whose reward is learned from demonstrations."""
-
-PREDICTED = ("elm-irl", "relm-irl")
-"""Methods that the paper's Figure 11 compares."""
+"""Methods whose training has no episodes; neither has that of the mapping agent."""
 
 Content = TypeVar("Content")
 
@@ -64,6 +58,12 @@ class RunData:
         return seeds_of([row for results in self.results.values() for row in results.rows])
 
     @property
+    def agent(self) -> str:
+        """The agent of the results; empty if there is none but Random."""
+        agents = {row.agent for results in self.results.values() for row in results.rows} - {"random"}
+        return min(agents, default="")
+
+    @property
     def learned_rewards(self) -> bool:
         """Whether the results contain a method with a learned reward."""
         return bool(set(LEARNED) & set(self.trained))
@@ -92,7 +92,7 @@ class RunData:
         """
         curves: dict[str, dict[int, TrainingCurve]] = {}
         for method, seeds in self.trained.items():
-            for seed in () if method in CURVELESS else seeds:
+            for seed in () if method in CURVELESS or self.agent == "map" else seeds:
                 path = self.folder.curve(method, seed)
                 curve = self.read(load_curve, path)
                 if curve is None:
@@ -170,7 +170,7 @@ def prediction_figure(data: RunData) -> list[DrawnFigure]:
     if not set(PREDICTED) <= {row.method for row in rows}:
         return []
     columns = columns_of(rows)
-    bars = {method: [interval_of(rows, method, "spl", column) for column in columns] for method in PREDICTED}
+    bars = {str(method): [interval_of(rows, method, "spl", column) for column in columns] for method in PREDICTED}
     table = [
         (method, column, value.mean, value.half_width)
         for method, values in bars.items()

@@ -115,7 +115,7 @@ def circumstances(folder: RunFolder, heading: str) -> list[str]:
         f"{heading} Where this differs from the paper",
         "",
         f"{scenes} instead of AI2-THOR; an encoder with weights `{settings.weights}` instead of ImageNet's; "
-        f"{settings.frames:,} training frames per method and {cap} steps per episode, where the paper's text says 5000 "
+        f"{settings.training} and {cap} steps per episode, where the paper's text says 5000 "
         f"and its tables fit 100; {AGENT_NAMES.get(settings.agent, f'agent `{settings.agent}`')}.",
         "",
         *_hardware(folder, heading),
@@ -134,12 +134,13 @@ def _summary(settings: RunSettings, data: RunData) -> list[str]:
     rows = [row for results in data.results.values() for row in results.rows]
     episodes = " or ".join(map(str, sorted({row.episodes for row in rows})))
     seeds = f"seed{'s' if len(data.seeds) > 1 else ''} {', '.join(map(str, data.seeds))}"
-    agent = f"{settings.agent} agent" + (f" (hindsight: {settings.hindsight})" if settings.agent == "metric" else "")
+    detail = {"metric": f" (hindsight: {settings.hindsight})", "map": f" (memory at the start: {settings.map_memory})"}
+    agent = f"{settings.agent} agent{detail.get(settings.agent, '')}"
     actions = "drawn from the policy" if settings.policy == "sample" else "of highest probability"
     uniform = "" if settings.new_targets == "paper" else ", Task II's targets drawn uniformly"
     return [
         f"Scenes `{settings.scenes}`, encoder {first.encoder}, {agent}, cap {first.cap} steps, {episodes} episodes for "
-        f"each scene, {settings.frames:,} training frames per method, {seeds}, actions {actions}{uniform}.",
+        f"each scene, {settings.training}, {seeds}, actions {actions}{uniform}.",
         "",
     ]
 

@@ -23,6 +23,8 @@ class RunSettings:
         weights: weights of the encoder.
         new_targets: how Task II's targets were drawn, `paper` or `uniform`.
         policy: whether actions were drawn (`sample`) or the most probable ones (`greedy`).
+        map_weights: weights of the mapping agent: `package`, `train` or a file; empty if not given.
+        map_memory: memory of the mapping agent at the start of an episode in a training scene, `empty` or `filled`.
         hindsight: which states could be goals; empty if the configuration does not say.
     """
 
@@ -32,10 +34,21 @@ class RunSettings:
     weights: Annotated[str, Field(validation_alias=AliasPath("encoder", "weights"))]
     new_targets: Annotated[str, Field(validation_alias=AliasPath("evaluation", "new_targets"))]
     policy: Annotated[str, Field(validation_alias=AliasPath("evaluation", "policy"))]
+    map_weights: Annotated[str, Field(validation_alias=AliasPath("map", "weights"))] = ""
+    map_memory: Annotated[str, Field(validation_alias=AliasPath("map", "memory"))] = "empty"
     hindsight: Annotated[
         str,
         Field(validation_alias=AliasChoices(AliasPath("goals", "hindsight"), AliasPath("metric", "hindsight"))),
     ] = ""
+
+    @property
+    def training(self) -> str:
+        """What was trained, as a part of a sentence."""
+        if self.agent == "map" and self.map_weights == "package":
+            return "weights that come with the package, trained on other rooms"
+        if self.agent == "map" and self.map_weights != "train":
+            return f"weights of {self.map_weights}"
+        return f"{self.frames:,} training frames per method"
 
 
 _ADAPTER = TypeAdapter(RunSettings)

@@ -182,11 +182,13 @@ def _pad_goals(states: Sequence[Int[np.ndarray, "_"]], costs: Sequence[np.ndarra
     """Pad goals and costs, and divide the costs of each goal by their mean, so that the unit of costs is a mean step.
 
     The division changes no optimal path. It makes distances to all goals comparable, which an embedding needs: with
-    different scales, one goal could be twice as far from every state as a neighbouring goal.
+    different scales, one goal could be twice as far from every state as a neighbouring goal. There are as many columns
+    as states in the largest scene, so that all methods, seeds and kinds of hindsight share one compiled training.
     """
     count = np.asarray([len(goals) for goals in states])
-    state = np.zeros((len(states), count.max()), np.int32)
-    cost = np.ones((len(states), count.max(), max(of_scene.shape[1] for of_scene in costs)), np.float32)
+    largest = max(of_scene.shape[1] for of_scene in costs)
+    state = np.zeros((len(states), largest), np.int32)
+    cost = np.ones((len(states), largest, largest), np.float32)
     for number, (goals, of_scene) in enumerate(zip(states, costs, strict=True)):
         state[number, : len(goals)] = goals
         cost[number, : len(goals), : of_scene.shape[1]] = of_scene / of_scene.mean(1, keepdims=True)

@@ -10,11 +10,14 @@ from relm_irl_jax.config import Config, read_fields
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.features.cache import encode_scene
 from relm_irl_jax.features.encoder import N_CALIBRATION_VIEWS, Encoder, image_size_of, make_encoder
-from relm_irl_jax.features.settings import EncoderSettings, settings_for
 from relm_irl_jax.files import write_json
 from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.scenes.selection import ROOMS, SceneSettings, training_scenes, unseen_scenes
+from relm_irl_jax.stages.make_agent import needs_features
+
+NO_ENCODER = "none"
+"""Name of the encoder in results of agents that look at pixels."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +26,7 @@ class EncodedScenes:
 
     Attributes:
         scenes: the scenes, without their views.
-        encoder: the encoder; None if the scene files contain features.
+        encoder: the encoder; None if the scene files contain features, or nothing needs features.
         encoder_name: name of the encoder in results.
     """
 
@@ -39,10 +42,13 @@ def encode_training(config: Config) -> EncodedScenes:
         config: the configuration.
 
     Returns:
-        The training scenes with features.
+        The training scenes with features; without columns if neither the agents nor the rewards need features.
     """
+    if not needs_features(config):
+        scenes = training_scenes(config.scenes, scene_settings(config), views=False)
+        return EncodedScenes([_without_features(scene) for scene in scenes], None, NO_ENCODER)
     scenes = training_scenes(config.scenes, scene_settings(config))
-    settings = encoder_settings(config)
+    settings = config.resolved().encoder
     if settings.weights == "auto" and all(scene.features is not None for scene in scenes):
         return EncodedScenes([scene.without_views() for scene in scenes], None, scenes[0].encoder)
     # The statistics of random weights are measured on training views only, so that unseen scenes stay unseen.
@@ -67,22 +73,13 @@ def encode_unseen(config: Config, training: EncodedScenes) -> list[Scene]:
     return _encode_unseen(config.scenes, scene_settings(config), training)
 
 
-def encoder_settings(config: Config) -> EncoderSettings:
-    """The encoder's settings, with what `auto` means for the configuration's scenes.
-
-    Args:
-        config: the configuration.
-    """
-    return settings_for(config.encoder, built_in=config.scenes == ROOMS)
-
-
 def scene_settings(config: Config) -> SceneSettings:
     """The settings of scenes, with the size at which built-in rooms are rendered where nobody looks at them.
 
     Args:
         config: the configuration.
     """
-    return replace(config.scene, image_size=config.scene.image_size or image_size_of(encoder_settings(config)))
+    return replace(config.scene, image_size=config.scene.image_size or image_size_of(config.resolved().encoder))
 
 
 def check_encoder(folder: RunFolder, encoded: EncodedScenes) -> None:
@@ -120,8 +117,15 @@ def _check_apart(encoder: Encoder, scenes: Sequence[Scene]) -> None:
 
 @lru_cache(maxsize=1)
 def _encode_unseen(source: str, settings: SceneSettings, training: EncodedScenes) -> list[Scene]:
+    if training.scenes[0].encoded.shape[1] == 0:
+        return [_without_features(scene) for scene in unseen_scenes(source, settings, views=False)]
     scenes = unseen_scenes(source, settings)
     if training.encoder is None:
         return [scene.without_views() for scene in scenes]
     _check_apart(training.encoder, scenes)
     return [encode_scene(scene, training.encoder).without_views() for scene in scenes]
+
+
+def _without_features(scene: Scene) -> Scene:
+    """The scene without views, its features without columns."""
+    return replace(scene.without_views(), features=np.zeros((scene.n_states, 0), np.float32))

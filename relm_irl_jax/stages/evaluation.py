@@ -80,7 +80,8 @@ def evaluate_task(config: Config, folder: RunFolder, training: EncodedScenes, ta
         for method in METHODS
         if method in config.chosen_methods() or folder.agent(method, seed).exists()
     ]
-    with progress_bar(f"evaluating task {task}", len(jobs), "agents") as advance:
+    total = sum(len(tasks[seed].scenes) for seed, _ in jobs) * config.evaluation.episodes
+    with progress_bar(f"evaluating task {task}", total, "episodes") as advance:
         for seed, method in jobs:
             seed_task = tasks[seed]
             policy = load_policy(config, folder, method, seed, seed_task)
@@ -88,7 +89,13 @@ def evaluate_task(config: Config, folder: RunFolder, training: EncodedScenes, ta
                 shown[method] = policy
             key = jax.random.fold_in(jax.random.key(seed), 1)
             episodes = evaluate(
-                key, policy, seed_task.world, seed_task.targets, config.tasks.cap, config.evaluation.episodes
+                key,
+                policy,
+                seed_task.world,
+                seed_task.targets,
+                config.tasks.cap,
+                config.evaluation.episodes,
+                advance=advance,
             )
             for number, scene in enumerate(seed_task.scenes):
                 metrics = compute_metrics(episodes, number)
@@ -105,7 +112,6 @@ def evaluate_task(config: Config, folder: RunFolder, training: EncodedScenes, ta
                         spl=metrics.spl,
                     )
                 )
-            advance(1)
     _save_distances(folder, tasks[0], {m: p for m, p in shown.items() if isinstance(p, DistancePolicy)})
     results = Results(task, config.tasks.cap, training.encoder_name, tuple(rows))
     save_results(folder, results)

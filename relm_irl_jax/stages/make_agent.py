@@ -1,12 +1,21 @@
 """Makes the agent that a configuration names; the only code that depends on the name."""
 
 from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
 
+from relm_irl_jax.agents.map.agent import MapAgent
+from relm_irl_jax.agents.map.network import VIEW
+from relm_irl_jax.agents.map.training_rooms import GeneratedRooms
+from relm_irl_jax.agents.map.weights import SHIPPED, load_weights
 from relm_irl_jax.agents.metric.agent import MetricAgent
 from relm_irl_jax.agents.siamese.agent import SiameseAgent
 from relm_irl_jax.agents.siamese.behaviour_cloning import BehaviourCloningAgent
-from relm_irl_jax.config import Config, Method, Task
+from relm_irl_jax.config import MAP_METHODS, Config, Method, Task
 from relm_irl_jax.errors import InputError
+from relm_irl_jax.results import LEARNED
+from relm_irl_jax.scenes.selection import ROOMS
+from relm_irl_jax.scenes.views import scene_views
 from relm_irl_jax.types import Agent
 
 
@@ -25,7 +34,46 @@ def make_agent(config: Config, method: Method) -> Agent:
         return BehaviourCloningAgent(config.siamese, greedy)
     if config.agent == "metric":
         return MetricAgent(config.metric, greedy)
+    if config.agent == "map":
+        return _mapping_agent(config)
     return SiameseAgent(config.siamese, greedy)
+
+
+def _mapping_agent(config: Config) -> MapAgent:
+    """The mapping agent, with its views, and with trained weights or rooms to train on."""
+    config = config.resolved()
+    views, weights = partial(scene_views, config.scenes, config.scene, VIEW), config.map.weights
+    if weights != "train":
+        path = SHIPPED if weights == "package" else Path(weights)
+        return MapAgent(views, config.map, trained=lambda: load_weights(path)[0])
+    rooms = GeneratedRooms(config.map.rooms, config.scene.size) if config.scenes == ROOMS else None
+    return MapAgent(views, config.map, rooms)
+
+
+def trains(config: Config) -> bool:
+    """Whether the agent is trained in this run.
+
+    Args:
+        config: the configuration.
+
+    Returns:
+        False for the mapping agent with given weights.
+    """
+    return config.agent != "map" or config.resolved().map.weights == "train"
+
+
+def needs_features(config: Config) -> bool:
+    """Whether a method's agent or reward needs the features of views.
+
+    Args:
+        config: the configuration.
+
+    Returns:
+        Whether views must be encoded.
+    """
+    if set(config.chosen_methods()) & set(LEARNED):
+        return True
+    return "features" in make_agent(config, "rl").requires
 
 
 def check_agent(config: Config, tasks: Sequence[Task]) -> None:
@@ -40,5 +88,10 @@ def check_agent(config: Config, tasks: Sequence[Task]) -> None:
     """
     if config.agent != "siamese" and "bc" in config.chosen_methods():
         raise InputError("methods: bc clones the siamese agent's policy; leave it out, or use --agent siamese.")
+    if config.agent == "map" and (unused := set(config.chosen_methods()) - set(MAP_METHODS)):
+        raise InputError(
+            f"methods: {', '.join(sorted(unused))} trains on a reward, which the mapping agent does not; "
+            "give random and rl."
+        )
     if config.agent == "siamese" and config.siamese.heads == "scene" and "III" in tasks:
         raise InputError("siamese.heads: scene has no head for the unseen scenes of task III; use room_type or shared.")

@@ -7,7 +7,7 @@ import numpy as np
 from relm_irl_jax.config import Config, Method
 from relm_irl_jax.elm import load_elm, save_elm
 from relm_irl_jax.files import load_arrays, save_arrays, write_table
-from relm_irl_jax.results import RewardQualityRow, save_reward_quality
+from relm_irl_jax.results import PREDICTED, RewardQualityRow, save_reward_quality
 from relm_irl_jax.rewards.basis import RewardBasis
 from relm_irl_jax.rewards.equation import linear_reward
 from relm_irl_jax.rewards.learned import LearnedRewards, learn_rewards
@@ -17,12 +17,6 @@ from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.saved_maps import StateMap, poses_of, save_map
 from relm_irl_jax.scenes.scene import Scene, first_of_each_type
 from relm_irl_jax.tasks import Target, TaskSplit
-
-LEARNED: tuple[Method, ...] = ("irl", "elm-irl", "relm-irl")
-"""Methods whose reward is learned from demonstrations."""
-
-PREDICTED: tuple[Method, ...] = ("elm-irl", "relm-irl")
-"""Methods whose reward a regressor predicts."""
 
 
 def learn(config: Config, scenes: Sequence[Scene], split: TaskSplit, seed: int) -> LearnedRewards:

@@ -20,7 +20,7 @@ from relm_irl_jax.rewards.learned import LearnedRewards, demonstrated_reward, pr
 from relm_irl_jax.rewards.predicted import RewardPredictor
 from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.scenes.scene import Scene
-from relm_irl_jax.stages.make_agent import make_agent
+from relm_irl_jax.stages.make_agent import make_agent, trains
 from relm_irl_jax.stages.rewards import make_predictor
 from relm_irl_jax.stages.training_log import RunFolderLog
 from relm_irl_jax.stages.worlds import standardised_world, with_predicted_reward
@@ -76,7 +76,7 @@ def training_problem(config: Config, method: Method, inputs: SeedInputs, agent: 
         targets=targets,
         reward=reward_of(config, method, inputs, predictor),
         cap=config.tasks.cap,
-        frames=config.frames,
+        frames=config.training_frames,
         return_scale=1.0 if method in ("rl", "bc") else learned_scale,
         goals=goals_of(config, method, inputs, predictor) if "goals" in agent.requires else None,
         demonstrations=demonstrations_of(config, inputs) if "demonstrations" in agent.requires else None,
@@ -165,8 +165,9 @@ def train_method(config: Config, method: Method, inputs: SeedInputs, folder: Run
     """
     agent = make_agent(config, method)
     problem = training_problem(config, method, inputs, agent)
+    title = f"training {method}, seed {inputs.seed}" if trains(config) else None
     with (
-        progress_bar(f"training {method}, seed {inputs.seed}", config.frames, "frames") as advance,
+        progress_bar(title, config.training_frames, "frames") as advance,
         RunFolderLog(folder, config, method, inputs.seed, advance) as log,
     ):
         parameters, curve = agent.train(jax.random.key(inputs.seed), problem, log)
@@ -203,7 +204,7 @@ def train_jointly(config: Config, method: Method, inputs: Sequence[SeedInputs], 
     problems = [training_problem(config, method, each, agent) for each in inputs]
     title = f"training {method}, seeds {', '.join(map(str, seeds))}"
     with (
-        progress_bar(title, config.frames, "frames") as advance,
+        progress_bar(title, config.training_frames, "frames") as advance,
         RunFolderLog(folder, config, method, seeds[0], advance) as log,
     ):
         trained = agent.train_jointly([jax.random.key(seed) for seed in seeds], problems, log)
@@ -214,5 +215,7 @@ def train_jointly(config: Config, method: Method, inputs: Sequence[SeedInputs], 
 
 def _save(folder: RunFolder, method: Method, seed: int, parameters: Parameters, curve: Any) -> None:
     """Save a learning curve, then a network: the existence of the network's file marks the training as finished."""
-    write_table(folder.curve(method, seed), {f.name: getattr(curve, f.name) for f in dataclasses.fields(curve)})
+    columns = {field.name: getattr(curve, field.name) for field in dataclasses.fields(curve)}
+    if len(columns["frames"]):  # given weights have no curve
+        write_table(folder.curve(method, seed), columns)
     save_parameters(folder.agent(method, seed), parameters)

@@ -27,7 +27,7 @@ def standardised_world(scenes: Sequence[Scene], training: Sequence[Scene]) -> Wo
     """
     views = np.concatenate([scene.encoded for scene in training])
     mean, deviation = views.mean(0), views.std(0)
-    divisor = np.where(deviation > 1e-6 * deviation.max(), deviation, np.inf)
+    divisor = np.where(deviation > 1e-6 * deviation.max(initial=0.0), deviation, np.inf)
     standardised = [replace(scene, features=((scene.encoded - mean) / divisor).astype(np.float32)) for scene in scenes]
     return build_world(standardised, training)
 

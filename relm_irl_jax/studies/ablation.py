@@ -192,7 +192,7 @@ def ablation_rows(ablation: Ablation, changes: Mapping[str, Any], folder: Path) 
                     name=name,
                     title=title,
                     seeds=config.seeds,
-                    frames=config.frames,
+                    frames=config.training_frames,
                     value=value,
                     change=change,
                     rank=rank,

@@ -5,6 +5,8 @@ from functools import partial
 from pathlib import Path
 from typing import ParamSpec
 
+from joblib import Parallel, delayed
+
 from relm_irl_jax.config import config_from_dict, read_fields
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.files import read_numbers, read_table, write_table
@@ -34,7 +36,7 @@ RUN_TITLES = {
 
 
 def write_study(out: Path, ablation: Sequence[AblationRow], irl_methods: Sequence[AblationRow] = ()) -> Path:
-    """Write `report.html` and `report.md` of a study from the runs in its folder.
+    """Write `report.html` and `report.md` of a study from the runs in its folder; joblib's context selects who draws.
 
     Args:
         out: folder of the study.
@@ -53,15 +55,20 @@ def write_study(out: Path, ablation: Sequence[AblationRow], irl_methods: Sequenc
         "difference over seeds excludes zero. Seeds are 0, 1, …; none is left out.",
         "",
     ]
-    for name, folder in runs.items():
-        sections = partial(run_sections, worded=False)
-        text += [f"## {RUN_TITLES[name]}", "", *_readable(sections, folder, out, "###")]
+    for name, section in zip(runs, _sections(list(runs.values()), out), strict=True):
+        text += [f"## {RUN_TITLES[name]}", "", *section]
     text += [*_readable(_regressor, out), *_ablation(out, ablation), *_irl_methods(out, irl_methods)]
     text += _readable(_stability, out)
     text += ["Runs share learned rewards; the time to learn them is counted in the first run only.", ""]
     for name, folder in runs.items():
         text += [f"## Hardware and configuration: {RUN_TITLES[name]}", "", *_readable(circumstances, folder, "###")]
     return write_page(text, out)
+
+
+def _sections(runs: Sequence[RunFolder], out: Path) -> list[list[str]]:
+    """The results of each run. Drawing the figures takes most of the time of a report, so joblib's workers share it."""
+    sections = partial(_readable, partial(run_sections, worded=False))
+    return list(Parallel()(delayed(sections)(folder, out, "###") for folder in runs))
 
 
 def _readable(section: Callable[P, list[str]], *arguments: P.args, **named: P.kwargs) -> list[str]:

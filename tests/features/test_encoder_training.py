@@ -17,8 +17,8 @@ from relm_irl_jax.features.training.heads import HeadSettings, Readings, losses
 from relm_irl_jax.features.training.labels import draw_groups, free_steps, group_of, label_scene
 from relm_irl_jax.features.training.quality import measure_quality
 from relm_irl_jax.features.training.settings import EncoderTraining, TrainingSettings
-from relm_irl_jax.features.training.train import batches, initial_state, update
-from relm_irl_jax.scenes.rooms.training_rooms import FIRST_ROOM, LAST_ROOM, check_training_rooms, training_numbers
+from relm_irl_jax.features.training.train import batches, initial_state, scenes_met, update
+from relm_irl_jax.scenes.rooms.training_rooms import check_training_rooms
 from relm_irl_jax.scenes.scene_file import save_scene
 
 SETTINGS = TrainingSettings(steps=12, groups=4, members=4, pool=2, turn=1)
@@ -41,17 +41,6 @@ def scene():
 
 def state_at(scene, heading, z, x):
     return int(np.flatnonzero((scene.pose == (heading, z, x)).all(1))[0])
-
-
-def test_training_rooms_are_apart_from_every_room_of_a_task():
-    numbers = [number for _, number in training_numbers(3 * (LAST_ROOM - FIRST_ROOM + 1))]
-    assert min(numbers) >= 100
-    assert max(numbers) < 10000
-    for forbidden in (0, 4, 99, 999, 10000, 123456):
-        with pytest.raises(InputError, match="kept for evaluation"):
-            check_training_rooms([FIRST_ROOM, forbidden])
-    with pytest.raises(InputError, match="kept for evaluation"):
-        training_numbers(3 * (LAST_ROOM - FIRST_ROOM + 2))
 
 
 def test_rooms_that_judge_the_features_are_not_trained_on():
@@ -99,6 +88,16 @@ def test_scenes_take_turns(scene):
     for _ in range(4):
         next(stream)
     assert entered == [0, 1, 2, 3, 4]
+
+
+@pytest.mark.parametrize(("steps", "turn", "count"), [(1, 1, 9), (4, 1, 9), (7, 3, 9), (7, 3, 3), (7, 3, 2)])
+def test_scenes_met_are_those_loaded_for_an_update(scene, steps, turn, count):
+    settings, entered = replace(SETTINGS, steps=steps, turn=turn), []
+    loaders = [lambda number=number: entered.append(number) or scene for number in range(count)]
+    stream = batches(loaders, settings, seed=0)
+    for _ in range(steps):
+        next(stream)
+    assert len(set(entered)) == scenes_met(count, settings)
 
 
 def test_the_loss_is_least_at_the_truth(scene):

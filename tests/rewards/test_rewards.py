@@ -15,7 +15,7 @@ from relm_irl_jax.rewards.basis import fit_basis
 from relm_irl_jax.rewards.demonstrated import learn_demonstrated_rewards
 from relm_irl_jax.rewards.equation import LinearRewardForm, linear_reward
 from relm_irl_jax.rewards.functions import LinearReward, manual_reward
-from relm_irl_jax.rewards.goals import IMAGINED_STARTS, predicted_goals
+from relm_irl_jax.rewards.goals import IMAGINED_STARTS, manual_goals, predicted_goals
 from relm_irl_jax.rewards.learned import (
     demonstrated_reward,
     learn_demonstrated,
@@ -220,6 +220,15 @@ def test_goals_cost_what_the_regressor_predicts(rooms, split, regressors, predic
         weights = each if from_current_view else np.repeat(drawn.mean(0)[None], len(views), 0)
         expected = np.clip(-(weights * (phi - phi[goal])).sum(1), IRL.minimum_cost, 1.0)
         np.testing.assert_allclose(np.asarray(goals.cost)[0, column, :48], expected / expected.mean(), rtol=1e-5)
+
+
+def test_goals_of_all_methods_share_one_compiled_training(rooms, split, predictor):
+    """Few goals or many: equal shapes, with as many columns as the largest scene has states."""
+    predicted = predicted_goals(rooms, split, "open", predictor, np.random.default_rng(0), from_current_view=False)
+    few = manual_goals(rooms, split, "none", ManualSettings())
+    assert int(few.count.max()) < int(predicted.count.max())
+    assert [x.shape for x in jax.tree.leaves(few)] == [x.shape for x in jax.tree.leaves(predicted)]
+    assert few.state.shape == (len(rooms), max(room.n_states for room in rooms))
 
 
 def test_the_agent_observes_what_it_would_be_paid(rooms, split, regressors, predictor):

@@ -125,6 +125,23 @@ def turned(record: Float[Array, "cells record"], heading: Int[Array, ""]) -> Flo
     return record[:, jnp.asarray(_TURNED)[heading]]
 
 
+def add_view(
+    grid: Float[Array, "z x record"], record: Float[Array, "cells record"], pose: Int[Array, "3"]
+) -> Float[Array, "z x record"]:
+    """Add what a view says to the grid.
+
+    Args:
+        grid: the sums so far.
+        record: what the view says about the cells of its region.
+        pose: heading, z and x at which it was seen.
+
+    Returns:
+        The sums with the view.
+    """
+    flat = grid.reshape(-1, grid.shape[-1]).at[grid_rows(pose)].add(turned(record, pose[0]))
+    return flat.reshape(grid.shape)
+
+
 def summarise(
     grid: Float[Array, "*batch z x record"],
 ) -> tuple[Float32[Array, "*batch z x kernel"], Float32[Array, "*batch z x"]]:

@@ -8,22 +8,22 @@ It knows the row of the view in the world's table, only to look up what the netw
 last action collided; and its own memory. It is told no pose, no map and no distance.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Float32, Int32, PRNGKeyArray
+from jaxtyping import Array, Float, Float32, Int32, PRNGKeyArray
 
+from relm_irl_jax.agents.map.filled import FilledMaps
 from relm_irl_jax.agents.map.geometry import GRID, RADIUS
 from relm_irl_jax.agents.map.memory import (
     Odometry,
+    add_view,
     free_logits,
-    grid_rows,
     move,
     start_odometry,
     summarise,
-    turned,
 )
 from relm_irl_jax.agents.map.network import RECORD, Projections
 from relm_irl_jax.agents.map.planner import Plan, place_costs, plan
@@ -117,15 +117,17 @@ class MapPolicy:
         kernel: spectrum of each target's kernel.
         prior: the learned profiles.
         search: how it searches.
+        filled: maps with which memory begins, one for each scene of the world; None for empty memory.
     """
 
     record: Float[Array, "views cells record"]
     kernel: Float32[Array, "targets channel 4 2 frequencies"]
     prior: Prior
     search: SearchSettings
+    filled: FilledMaps | None = None
 
     def init(self, shape: tuple[int, ...]) -> Memory:
-        """An empty memory.
+        """The memory at the start of an episode: empty, or filled with the map of the scene.
 
         Args:
             shape: scenes and episodes.
@@ -133,12 +135,12 @@ class MapPolicy:
         Returns:
             The memory before the first view.
         """
-        return Memory(
-            grid=jnp.zeros((*shape, GRID, GRID, RECORD), self.record.dtype),
-            odometry=start_odometry(shape),
-            action=jnp.full(shape, -1, jnp.int32),
-            steps=jnp.zeros(shape, jnp.int32),
-        )
+        grid, odometry = jnp.zeros((*shape, GRID, GRID, RECORD), self.record.dtype), start_odometry(shape)
+        if self.filled is not None:
+            grid = jnp.broadcast_to(self.filled.grid[:, None], grid.shape)
+            blocked = jnp.broadcast_to(self.filled.blocked[:, None], odometry.blocked.shape)
+            odometry = replace(odometry, blocked=blocked)
+        return Memory(grid, odometry, jnp.full(shape, -1, jnp.int32), jnp.zeros(shape, jnp.int32))
 
     def act(
         self, key: PRNGKeyArray, memory: Memory, observation: Observation, target: Int32[Array, "scenes batch"]
@@ -168,7 +170,7 @@ class MapPolicy:
 
 
 def remember(policy: MapPolicy, memory: Memory, observation: Observation) -> Memory:
-    """Count the last action and add the view where its pose is new.
+    """Count the last action and add the view where its pose is new; a filled memory recognises the first view instead.
 
     Args:
         policy: the policy.
@@ -179,18 +181,23 @@ def remember(policy: MapPolicy, memory: Memory, observation: Observation) -> Mem
         The memory with the view.
     """
 
-    def one(grid, odometry, action, view, collided):
+    filled = policy.filled
+
+    def one(grid, odometry, action, view, collided, steps):
         odometry = move(odometry, action, collided)
+        if filled is not None:
+            odometry = replace(odometry, pose=jnp.where(steps == 0, filled.pose[view], odometry.pose))
         heading, z, x = odometry.pose[0], odometry.pose[1] + RADIUS, odometry.pose[2] + RADIUS
-        new = ~odometry.seen[heading, z, x]
-        values = turned(policy.record[view], heading) * new.astype(grid.dtype)
-        flat = grid.reshape(-1, RECORD).at[grid_rows(odometry.pose)].add(values)
-        seen = odometry.seen.at[heading, z, x].set(True)
-        return flat.reshape(grid.shape), Odometry(odometry.pose, seen, odometry.blocked)
+        if filled is None:
+            new = ~odometry.seen[heading, z, x]
+            grid = add_view(grid, policy.record[view] * new.astype(grid.dtype), odometry.pose)
+        return grid, replace(odometry, seen=odometry.seen.at[heading, z, x].set(True))
 
     for _ in observation.view.shape:
         one = jax.vmap(one)
-    grid, odometry = one(memory.grid, memory.odometry, memory.action, observation.view, observation.collided)
+    grid, odometry = one(
+        memory.grid, memory.odometry, memory.action, observation.view, observation.collided, memory.steps
+    )
     return Memory(grid, odometry, memory.action, memory.steps)
 
 
@@ -235,11 +242,17 @@ def think(
     chosen = plan(last(posterior), cost, odometry.pose.T, jnp.float32(search.discount))
     unsure = posterior.max((1, 2, 3)) < search.confident
     looking = (memory.steps < search.turns) & (odometry.pose[:, 1:] == 0).all(1) & unsure
+    if policy.filled is not None:
+        looking = jnp.zeros_like(looking)
     return jnp.where(looking, 1, chosen.action), posterior, chosen
 
 
 def map_policy(
-    parameters: Parameters, projections: Projections, target_views: np.ndarray, search: SearchSettings
+    parameters: Parameters,
+    projections: Projections,
+    target_views: np.ndarray,
+    search: SearchSettings,
+    filled: FilledMaps | None = None,
 ) -> MapPolicy:
     """Prepare the policy for a world.
 
@@ -248,23 +261,13 @@ def map_policy(
         projections: what the network says about each view of the world.
         target_views: row of each target's view.
         search: how to search.
+        filled: maps with which memory begins; None for empty memory.
 
     Returns:
         The policy.
     """
-    rows = jnp.asarray(target_views)
-    return MapPolicy(
-        projections.record, jax.jit(search_kernel)(projections.kernel[rows]), place_prior(parameters), search
-    )
-
-
-def looked_around(memory: Memory) -> Bool[Array, "*batch"]:
-    """Whether all four headings of the start were seen.
-
-    Args:
-        memory: what is remembered.
-
-    Returns:
-        It, for each episode.
-    """
-    return memory.odometry.seen[..., :, RADIUS, RADIUS].all(-1)
+    kernel = jax.jit(search_kernel)(projections.kernel[jnp.asarray(target_views)])
+    prior = place_prior(parameters)
+    if filled is not None:  # the learned profile is one of distances from the start, which is not the map's origin here
+        prior = replace(prior, pose=jnp.zeros_like(prior.pose))
+    return MapPolicy(projections.record, kernel, prior, search, filled)

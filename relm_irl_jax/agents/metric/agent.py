@@ -170,7 +170,7 @@ class MetricAgent:
     settings: MetricSettings = field(default_factory=MetricSettings)
     greedy: bool = False
     name: str = "metric"
-    requires: frozenset[Requirement] = frozenset({"goals"})
+    requires: frozenset[Requirement] = frozenset({"features", "goals"})
 
     def train(self, key: PRNGKeyArray, problem: TrainingProblem, log: TrainingLog) -> tuple[Parameters, MetricCurve]:
         """Train on a problem; see `relm_irl_jax.types.Agent`."""

@@ -99,8 +99,9 @@ def steps_of_best_paths(
         better = jnp.where(ends, 0.0, jnp.where(jnp.isfinite(cost), 1 + steps[next_state, column], jnp.inf))
         return better, (better != steps).any()
 
-    # Every step lowers the cost to go, so no path has a cycle.
-    first = jnp.where(ends, 0.0, jnp.inf)
+    # Every step lowers the cost to go, so no path has a cycle. The type is that of `unknown_costs`, not a weak one: the
+    # update would be compiled a second time.
+    first = jnp.where(ends, jnp.float32(0.0), jnp.inf)
     return jax.lax.while_loop(lambda carry: carry[1], improve, (first, jnp.bool_(True)))[0]
 
 

@@ -40,7 +40,7 @@ class SiameseAgent:
     greedy: bool = False
     devices: Sequence[jax.Device] | None = None
     name: str = "siamese"
-    requires: frozenset[Requirement] = frozenset()
+    requires: frozenset[Requirement] = frozenset({"features"})
 
     def train(self, key: PRNGKeyArray, problem: TrainingProblem, log: TrainingLog) -> tuple[Parameters, LearningCurve]:
         """Train on a problem; see `relm_irl_jax.types.Agent`."""

@@ -162,7 +162,7 @@ class BehaviourCloningAgent:
     settings: SiameseSettings = field(default_factory=SiameseSettings)
     greedy: bool = False
     name: str = "siamese"
-    requires: frozenset[Requirement] = frozenset({"demonstrations"})
+    requires: frozenset[Requirement] = frozenset({"features", "demonstrations"})
 
     def train(self, key: PRNGKeyArray, problem: TrainingProblem, log: TrainingLog) -> tuple[Parameters, CloningCurve]:
         """Fit the policy to the problem's demonstrations; see `relm_irl_jax.types.Agent`."""

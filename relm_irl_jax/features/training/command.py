@@ -19,7 +19,7 @@ from relm_irl_jax.features.training.labels import LabelledScene, label_scene
 from relm_irl_jax.features.training.quality import Quality, measure_quality
 from relm_irl_jax.features.training.rooms import CATEGORIES, labelled_room, room_loaders
 from relm_irl_jax.features.training.settings import EncoderTraining
-from relm_irl_jax.features.training.train import LoadScene, TrainState, train
+from relm_irl_jax.features.training.train import LoadScene, TrainState, scenes_met, train
 from relm_irl_jax.progress import progress_bar
 from relm_irl_jax.scenes.rooms.room_specifications import SOURCE
 from relm_irl_jax.scenes.rooms.training_rooms import training_numbers
@@ -192,7 +192,7 @@ def _provenance(
     return {
         "command": shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]]),
         "learned": learned,
-        "scenes": json.dumps(material.names),
+        "scenes": json.dumps(material.names[: scenes_met(len(material.names), settings.training)]),
         "source": material.source,
         "seed": str(settings.seed),
         "settings": str(settings.training),

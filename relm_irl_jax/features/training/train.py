@@ -140,6 +140,19 @@ def batches(scenes: Sequence[LoadScene], settings: TrainingSettings, seed: int) 
             pool.append(next(following)())
 
 
+def scenes_met(scenes: int, settings: TrainingSettings) -> int:
+    """How many scenes have had a turn when training ends.
+
+    Args:
+        scenes: number of scenes.
+        settings: numbers of updates and of updates in a turn.
+
+    Returns:
+        The number; the others have not been loaded for an update.
+    """
+    return min(scenes, settings.pool + (settings.steps - 1) // settings.turn)
+
+
 def train(
     scenes: Sequence[LoadScene],
     settings: TrainingSettings,

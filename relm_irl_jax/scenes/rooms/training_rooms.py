@@ -44,5 +44,5 @@ def training_numbers(rooms: int) -> list[tuple[str, int]]:
         InputError: there are not as many rooms.
     """
     numbers = [(ROOM_TYPES[i % len(ROOM_TYPES)], FIRST_ROOM + i // len(ROOM_TYPES)) for i in range(rooms)]
-    check_training_rooms([number for _, number in numbers])
+    check_training_rooms([number for _, number in numbers[-len(ROOM_TYPES) :]])
     return numbers

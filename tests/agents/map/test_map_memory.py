@@ -5,7 +5,7 @@ import pytest
 from relm_irl_jax.agents.map.geometry import GRID, HALF, N_CELLS, RADIUS, VIEW_CELLS
 from relm_irl_jax.agents.map.memory import SURE, free_logits, grid_rows, move, start_odometry, summarise, turned
 from relm_irl_jax.agents.map.network import CHANNELS, RECORD, SCALARS, turn_features
-from relm_irl_jax.agents.map.training_data import relative_pose
+from relm_irl_jax.agents.map.walks import relative_pose
 from relm_irl_jax.scenes.scene import pose_graph, successors
 
 AHEAD, RIGHT, LEFT, BACK = range(4)

@@ -5,7 +5,7 @@ import pytest
 
 from relm_irl_jax.agents.map.geometry import RADIUS, SIDE
 from relm_irl_jax.agents.map.planner import NEVER, least_costs, place_costs, plan
-from relm_irl_jax.agents.map.training_data import relative_pose
+from relm_irl_jax.agents.map.walks import relative_pose
 from relm_irl_jax.scenes.scene import pose_graph, shortest_path_distances, successors
 
 AHEAD, RIGHT, LEFT, BACK = range(4)

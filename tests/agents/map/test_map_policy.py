@@ -1,5 +1,7 @@
 """The policy knows nothing but views, collisions and its memory."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -7,15 +9,20 @@ import pytest
 from builders import grid_scene
 
 from relm_irl_jax.agents.map.agent import MapAgent, world_rooms, world_views
+from relm_irl_jax.agents.map.geometry import RADIUS
+from relm_irl_jax.agents.map.loss import initial_parameters
+from relm_irl_jax.agents.map.memory import move, start_odometry
 from relm_irl_jax.agents.map.network import VIEW, MapNetwork
-from relm_irl_jax.agents.map.train import MapSettings, initial_parameters
+from relm_irl_jax.agents.settings import MapSettings
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.rewards.functions import ManualReward
+from relm_irl_jax.rewards.goals import Goals
 from relm_irl_jax.scenes.scene import pose_graph, successors
 from relm_irl_jax.types import Agent, Observation, Policy, TrainingLog, TrainingProblem
 from relm_irl_jax.world import Targets, World
 
 STEPS = 10
+STEP_COST = ManualReward(jnp.float32(0), jnp.float32(-1), jnp.float32(-1))
 NETWORK = MapNetwork(width=16, channels=8)
 STARTS = np.array([[0, 7, 13]])
 
@@ -63,7 +70,7 @@ def actions(parameters, room, goals, starts):
     """Actions of episodes side by side."""
     successor, images = room
     world = world_of(successor)
-    policy = MapAgent({"bathroom-0": images}, network=NETWORK).policy(parameters, world, targets_of(*goals))
+    policy = MapAgent(lambda _: images, network=NETWORK).policy(parameters, world, targets_of(*goals))
     state = np.asarray(starts)
     collided, memory, chosen = np.zeros(state.shape, bool), policy.init(state.shape), []
     target = jnp.asarray(np.arange(state.size).reshape(state.shape) % len(goals), jnp.int32)
@@ -111,40 +118,91 @@ def test_a_moved_and_turned_frame_gives_the_same_actions(parameters, reference, 
     np.testing.assert_array_equal(chosen, reference[0])
 
 
-def test_rooms_are_read_off_a_world(room):
+def goals_of(*rows):
+    """Goals that name states alone."""
+    width = max(map(len, rows))
+    state = jnp.asarray([row + [0] * (width - len(row)) for row in rows], jnp.int32)
+    count = jnp.asarray([len(row) for row in rows], jnp.int32)
+    return Goals(state, count, jnp.zeros_like(count), jnp.zeros((len(rows), width, 1)))
+
+
+def problem(world, targets, goals):
+    return TrainingProblem(world, targets, STEP_COST, cap=20, frames=1, goals=goals)
+
+
+def test_rooms_are_read_off_a_problem(room):
     successor, images = room
     n = len(successor)
     world = world_of(successor, successor)
-    views = world_views({"bathroom-1": images[::-1], "bathroom-0": images}, world)
-    first, second = world_rooms(world, targets_of(3, n + 5, n + 6), views)
+    views = world_views({"bathroom-1": images[::-1], "bathroom-0": images}.__getitem__, world)
+    given = problem(world, targets_of(3, n + 5, n + 6), goals_of([3, 8], [5, 6, 7]))
+    first, second = world_rooms(given, views)
     np.testing.assert_array_equal(first.views, images)
     np.testing.assert_array_equal(second.views, images[::-1])
     np.testing.assert_array_equal(first.best, [3])
     np.testing.assert_array_equal(second.best, [5, 6])
+    np.testing.assert_array_equal(first.targets, [3, 8])
+    np.testing.assert_array_equal(second.targets, [5, 6, 7])
 
 
-def test_missing_and_wrong_views_are_refused(room):
+def test_wrong_views_are_refused(room):
     successor, images = room
     world = world_of(successor)
-    with pytest.raises(InputError, match="bathroom-0: the mapping agent needs the scene's views"):
-        world_views({}, world)
     for wrong in (images[1:], images[:, ::2, ::2]):
         with pytest.raises(InputError, match="48 RGB views of 64 × 64"):
-            world_views({"bathroom-0": wrong}, world)
+            world_views(lambda _, wrong=wrong: wrong, world)
 
 
 def test_it_is_an_agent_and_makes_policies(parameters, room):
-    agent = MapAgent({"bathroom-0": room[1]}, network=NETWORK)
+    agent = MapAgent(lambda _: room[1], network=NETWORK)
     assert isinstance(agent, Agent)
     assert isinstance(agent.policy(parameters, world_of(room[0]), targets_of(3)), Policy)
+    assert agent.requires == {"goals"}
+
+
+def test_given_weights_are_not_trained(parameters, room):
+    agent = MapAgent(lambda _: room[1], trained=lambda: parameters, network=NETWORK)
+    given, curve = agent.train(jax.random.key(0), problem(world_of(room[0]), targets_of(3), None), TrainingLog())
+    assert given is parameters
+    assert len(curve.frames) == 0
+    assert agent.requires == set()
 
 
 @pytest.mark.slow
 def test_training_through_the_agent(room):
     successor, images = room
-    settings = MapSettings(steps=2, walks=1, targets=2)
-    agent = MapAgent({"bathroom-0": images}, settings, network=MapNetwork(width=8, channels=4))
-    reward = ManualReward(jnp.float32(0), jnp.float32(-1), jnp.float32(-1))
-    problem = TrainingProblem(world_of(successor), targets_of(3), reward, cap=20, frames=1)
-    _, curve = agent.train(jax.random.key(0), problem, TrainingLog())
-    assert np.isfinite(curve.pose).all()
+    agent = MapAgent(lambda _: images, MapSettings(views=8, targets=4), network=NETWORK)
+    given = problem(world_of(successor), targets_of(3), goals_of([3, 8]))
+    _, curve = agent.train(jax.random.key(0), given, TrainingLog())
+    assert np.isfinite(curve.location_loss).all()
+
+
+def test_filled_memory_is_the_map_of_all_views(parameters, room):
+    """Standing at every pose in turn draws the same map, but for the frame."""
+    successor, images = room
+    world = world_of(successor)
+    agent = MapAgent(lambda _: images, MapSettings(memory="filled"), network=NETWORK)
+    policy = agent.policy(parameters, world, targets_of(40, 21))
+    filled = policy.filled
+    pose = np.asarray(filled.pose)
+    assert len(set(map(tuple, pose.tolist()))) == len(successor)
+    assert not filled.blocked[0][pose[:, 1] + RADIUS, pose[:, 2] + RADIUS].any()
+    assert (~filled.blocked).sum() == 12
+    for state, action in ((0, 0), (5, 1), (9, 2), (30, 3)):  # a move leads from pose to pose
+        odometry = start_odometry(())
+        odometry = dataclasses.replace(odometry, pose=jnp.asarray(pose[state]))
+        following = int(successor[state, action])
+        moved = move(odometry, jnp.int32(action), jnp.bool_(following == state))
+        np.testing.assert_array_equal(moved.pose, pose[following])
+    memory = policy.init((1, 3))
+    np.testing.assert_array_equal(memory.grid[0, 1], filled.grid[0])
+    observation = Observation(jnp.asarray(STARTS, jnp.int32), jnp.zeros((1, 3), bool))
+    after, _ = act(policy, memory, observation, jnp.zeros((1, 3), jnp.int32))
+    np.testing.assert_array_equal(after.odometry.pose[0], pose[STARTS[0]])
+    np.testing.assert_array_equal(after.grid, memory.grid)
+
+
+def test_unseen_scenes_begin_with_an_empty_memory(parameters, room):
+    world = dataclasses.replace(world_of(room[0]), training_scene=jnp.asarray([-1]))
+    agent = MapAgent(lambda _: room[1], MapSettings(memory="filled"), network=NETWORK)
+    assert agent.policy(parameters, world, targets_of(3)).filled is None

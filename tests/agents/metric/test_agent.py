@@ -11,8 +11,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from interruption import assert_same, interrupt, resume
 
-from relm_irl_jax.agents.metric.agent import MetricAgent
-from relm_irl_jax.agents.metric.costs_to_go import CostsToGo, SceneStates, minimum_costs_to_goals
+from relm_irl_jax.agents.metric.agent import MetricAgent, scene_states
+from relm_irl_jax.agents.metric.costs_to_go import (
+    CostsToGo,
+    SceneStates,
+    compute_costs_to_go,
+    minimum_costs_to_goals,
+    unknown_costs,
+)
+from relm_irl_jax.agents.metric.experience_graph import empty_graph
 from relm_irl_jax.agents.metric.loss import LossForm, LossInputs, LossWeights, metric_loss
 from relm_irl_jax.agents.metric.network import DistanceForm, Embeddings, distance, pairwise_distances
 from relm_irl_jax.agents.settings import MetricSettings
@@ -90,6 +97,16 @@ def trained(log):
     world, targets = build_world([scene]), build_targets([scene], split.training)
     reward = manual_reward(ManualSettings())
     return AGENT.train(jax.random.key(0), TrainingProblem(world, targets, reward, 50, 50_000, goals=goals), log)
+
+
+@pytest.mark.parametrize("counts", ["steps", "costs"])
+def test_computed_costs_have_the_types_of_unknown_ones(counts):
+    """Weak types included: the update is compiled once for both."""
+    scene, split = open_room()
+    world, goals = build_world([scene]), manual_goals([scene], split, "strict", ManualSettings())
+    scenes, graph = scene_states(world), empty_graph(scene.n_states)
+    computed = jax.eval_shape(lambda: vars(compute_costs_to_go(graph, world, goals, scenes, counts)))
+    assert computed == jax.eval_shape(lambda: vars(unknown_costs(scenes, goals)))
 
 
 @pytest.fixture(scope="module")
