@@ -22,8 +22,8 @@ from relm_irl_jax.scenes.selection import ROOMS, SceneSettings
 from relm_irl_jax.tasks import EvaluationSettings, TaskSettings
 
 AgentName = Literal["siamese", "metric", "map"]
-METHODS: tuple[Method, ...] = ("random", "bc", "rl", "irl", "elm-irl", "relm-irl")
-"""Every method, in the order of the tables."""
+METHODS: tuple[Method, ...] = ("random", "bc", "rl", "constant", "irl", "elm-irl", "relm-irl")
+"""Every method, in the order of the tables. `constant` is the control of learned rewards: every step costs the same."""
 
 PAPER_METHODS: tuple[Method, ...] = ("random", "rl", "irl", "elm-irl", "relm-irl")
 """What `all` means: the methods of the paper."""
@@ -41,9 +41,9 @@ class Config:
 
     task: Task = "II"
     """Task to evaluate after training; training does not depend on it."""
-    methods: tuple[Literal["all", "random", "bc", "rl", "irl", "elm-irl", "relm-irl"], ...] = ("all",)
-    """Methods to train and evaluate. `all` means all except behaviour cloning, `bc`, which must be named; for the
-    mapping agent, it means random and rl."""
+    methods: tuple[Literal["all", "random", "bc", "rl", "constant", "irl", "elm-irl", "relm-irl"], ...] = ("all",)
+    """Methods to train and evaluate. `all` means all except behaviour cloning, `bc`, and a constant cost of a step,
+    `constant`, which must be named; for the mapping agent, it means random and rl."""
     scenes: str = ROOMS
     """`rooms` for the built-in scenes, or a folder of HDF5 scene files."""
     seeds: PositiveInt = 1
