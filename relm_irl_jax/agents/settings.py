@@ -73,7 +73,7 @@ class SiameseSettings:
     near_starts: Annotated[float, Field(ge=0, le=1)] = 0.5
     """Share of episodes with imagined targets that start a random walk away from the target; the others start
     anywhere."""
-    cost_limit: Annotated[float, Field(gt=0, le=1)] = 0.2
+    cost_limit: Annotated[float, Field(gt=0, le=1)] = 0.05
     """With `reward-alone`, the predicted cost above which costs are equal, as a share of r_max. Small ones make states
     that merely resemble the target as bad as all others."""
     seeds_at_once: Literal["auto", "always", "never"] = "auto"

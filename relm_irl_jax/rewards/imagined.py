@@ -6,10 +6,12 @@ The predicted reward needs no expert for a target, so that any view met can be o
 - *told*: the simulator ends the episode at the imagined view. Any cost of a step teaches the shortest path then.
 - *reward-alone*: nothing tells of the arrival, not even at given targets. Only the reward says where the target is:
 
-      r(s, g) = r_max · clip( ŵ·(φ(s) − φ(g)) / limit, −1, 0 )
+      r(s, g) = r_max · clip( 1 + ŵ·(φ(s) − φ(g)) / limit, 0, 1 )
 
-  A limit below r_max makes the reward of most states −r_max. An action that collides also costs r_max: with any less,
-  an agent would rather stand before a wall in a state of small cost than search.
+  This is the cost form with r_max added, which changes no optimal policy, since nothing ends an episode: values far
+  from the target are then 0 and not a long sum of costs, and are learned in half the frames. A limit below r_max makes
+  the reward of most states 0. An action that collides pays 0: with any more, an agent would rather stand before a wall
+  in a state of some reward than search.
 
 ŵ is the mean of the weights predicted from some random starts.
 """
@@ -128,9 +130,9 @@ def predicted_rewards(
         rows = zip(weights, targets, strict=True)
         values = np.stack([unclipped_reward(w, phi, phi[g], predictor.form) for w, g in rows])
         relative = values - values[np.arange(len(targets)), targets][:, None]
-        return r_max * np.clip(relative / (limit * r_max), -1.0, 0.0)
+        return r_max * np.clip(1.0 + relative / (limit * r_max), 0.0, 1.0)
 
-    return _targets(states, split, rewards, np.inf if limit is None else -r_max, told=limit is None)
+    return _targets(states, split, rewards, np.inf if limit is None else 0.0, told=limit is None)
 
 
 def _targets(

@@ -52,13 +52,13 @@ def predictor(r_max=2.0):
 
 
 def test_predicted_rewards_by_hand():
-    """Told: costs from 0.6 to 2, and 0 at the target. Alone: 2 · clip(difference / (0.4 · 2), −1, 0)."""
+    """Told: costs from 0.6 to 2, and 0 at the target. Alone: 2 · clip(1 + difference / (0.4 · 2), 0, 1)."""
     generator = np.random.default_rng(0)
     told = predicted_rewards(SPLIT, [np.array([2, 0])], predictor(), generator, None)
     np.testing.assert_allclose(told.reward[0], [[-1.0, -0.6, 0.0, -2.0], [0.0, -0.6, -0.6, -2.0]])
     assert bool(told.told)
     assert np.isinf(told.collision)
     alone = predicted_rewards(SPLIT, [np.array([2, 0])], predictor(), generator, 0.4)
-    np.testing.assert_allclose(alone.reward[0], [[-2.0, -1.25, 0.0, -2.0], [0.0, 0.0, 0.0, -2.0]])
+    np.testing.assert_allclose(alone.reward[0], [[0.0, 0.75, 2.0, 0.0], [2.0, 2.0, 2.0, 0.0]])
     assert not bool(alone.told)
-    assert float(alone.collision) == -2.0
+    assert float(alone.collision) == 0.0

@@ -9,6 +9,7 @@ from jaxtyping import PRNGKeyArray
 from relm_irl_jax.agents.settings import SiameseSettings
 from relm_irl_jax.agents.siamese.imagined_targets import drawn_pairs
 from relm_irl_jax.agents.siamese.imagined_update import ImaginedInputs, ImaginedState, run_imagined_updates
+from relm_irl_jax.agents.siamese.network import DISTANCE
 from relm_irl_jax.agents.siamese.training import (
     init_parameters,
     loss_weights,
@@ -90,4 +91,9 @@ def prepare_imagined(
 def _initial_state(key: PRNGKeyArray, inputs: ImaginedInputs, form: UpdateForm) -> ImaginedState:
     key, parameter_key = jax.random.split(key)
     parameters = init_parameters(parameter_key, form.network, inputs.world)
+    if form.network.distance:
+        # Values begin at 0 at a target that ends the episode, and at 0 far from one that goes on paying.
+        layers = dict(parameters["params"])
+        layers["value_bias"] += jnp.where(inputs.targets.told, 0.0, DISTANCE / 2)
+        parameters = {"params": layers}
     return ImaginedState(parameters, make_optimizer(form, inputs.optimizer).init(parameters), key)
