@@ -69,7 +69,10 @@ class SiameseSettings:
     imagined_targets: PositiveInt = 1000
     """Largest number of imagined targets of each scene."""
     targets_at_once: PositiveInt = 4
-    """Targets of each scene in an update, one of them a given target: an update evaluates each with all states."""
+    """Targets of each scene in an update, which evaluates each of them with all states."""
+    given_share: Annotated[float, Field(ge=0, le=1)] = 0.1
+    """Share of given targets among the targets of an update. Given targets that are drawn much more often than others
+    attract agents that look for a view near them."""
     near_starts: Annotated[float, Field(ge=0, le=1)] = 0.5
     """Share of episodes with imagined targets that start a random walk away from the target; the others start
     anywhere."""

@@ -105,13 +105,16 @@ def drawn_pairs(world: World, scene_head: np.ndarray, at_once: int, workers: int
     )
 
 
-def draw_targets(key: PRNGKeyArray, pairs: DrawnPairs, targets: ImaginedTargets) -> TargetsOfUpdate:
-    """Draw the targets of an update: in each scene first a given target, if it has one, then any.
+def draw_targets(
+    key: PRNGKeyArray, pairs: DrawnPairs, targets: ImaginedTargets, given_share: Float32[Array, ""]
+) -> TargetsOfUpdate:
+    """Draw the targets of an update.
 
     Args:
         key: source of randomness.
         pairs: the pairs.
         targets: all targets.
+        given_share: probability that a target is drawn among the given ones, if the scene has any.
 
     Returns:
         The targets of the update.
@@ -120,8 +123,9 @@ def draw_targets(key: PRNGKeyArray, pairs: DrawnPairs, targets: ImaginedTargets)
     keys = jax.random.split(key, len(pairs.sizes))
     for number, size in enumerate(pairs.sizes):
         state, trained = targets.state[number], targets.trained[number]
-        count = jnp.full(pairs.at_once, len(state), jnp.int32).at[0].set(jnp.where(trained > 0, trained, len(state)))
-        row = jax.random.randint(keys[number], (pairs.at_once,), 0, count)
+        given_key, row_key = jax.random.split(keys[number])
+        given = (jax.random.uniform(given_key, (pairs.at_once,)) < given_share) & (trained > 0)
+        row = jax.random.randint(row_key, (pairs.at_once,), 0, jnp.where(given, trained, len(state)))
         states.append(state[row])
         rewards.append(targets.reward[number][row].T.reshape(-1))
         arrived.append((jnp.arange(size)[:, None] == state[row]).reshape(-1))

@@ -80,6 +80,7 @@ def prepare_imagined(
         world=problem.world,
         targets=problem.imagined,
         pairs=drawn_pairs(problem.world, scene_head, settings.targets_at_once, settings.workers),
+        given_share=jnp.float32(settings.given_share),
         near_starts=jnp.float32(settings.near_starts),
         loss=loss_weights(settings, problem.return_scale),
         optimizer=optimizer_numbers(settings),

@@ -50,6 +50,7 @@ class ImaginedInputs:
         world: the scenes.
         targets: all targets.
         pairs: numbers of the pairs of an update.
+        given_share: share of given targets among those drawn.
         near_starts: share of the episodes that start near their target.
         loss: numbers of the loss.
         optimizer: numbers of the optimiser.
@@ -58,6 +59,7 @@ class ImaginedInputs:
     world: World
     targets: ImaginedTargets
     pairs: DrawnPairs
+    given_share: Float32[Array, ""]
     near_starts: Float32[Array, ""]
     loss: LossWeights
     optimizer: OptimizerNumbers
@@ -230,7 +232,7 @@ def update_on_imagined(
         its shortest path is not known, so that path lengths are NaN.
     """
     key, target_key, walk_key = jax.random.split(state.key, 3)
-    drawn = draw_targets(target_key, inputs.pairs, inputs.targets)
+    drawn = draw_targets(target_key, inputs.pairs, inputs.targets, inputs.given_share)
 
     def evaluate(parameters: Parameters) -> Outputs:
         return evaluate_drawn(form.network, parameters, inputs.world, inputs.pairs, drawn.state)

@@ -69,17 +69,26 @@ def test_workers_start_in_every_state_of_their_scene(prepared):
     np.testing.assert_array_equal(last, np.where(first < 32, 30, 78) + first % 2)
 
 
-def test_one_target_of_a_scene_is_a_given_one(prepared):
+def test_targets_are_drawn_among_the_given_and_all(prepared):
     _, inputs, _ = prepared
-    drawn = [draw_targets(jax.random.key(seed), inputs.pairs, inputs.targets) for seed in range(30)]
-    assert {int(one.state[0, 0]) for one in drawn} == {3}
-    assert {int(one.state[1, 0]) for one in drawn} == {20}
-    others = {int(one.state[0, 1]) for one in drawn}
-    assert len(others) > 5
-    assert others <= set(STATES[0].tolist())
-    arrived = np.flatnonzero(drawn[0].arrived).tolist()
-    assert arrived == sorted((np.asarray(drawn[0].state) * 2 + [[0, 1], [32, 33]]).reshape(-1).tolist())
-    np.testing.assert_array_equal(drawn[0].reward, np.where(drawn[0].arrived, 0.0, -1.0))
+
+    @jax.jit
+    def draw(seed, share):
+        return draw_targets(jax.random.key(seed), inputs.pairs, inputs.targets, share)
+
+    def states(share):
+        return np.stack([draw(seed, jnp.float32(share)).state for seed in range(200)])
+
+    given, mixed, any_of = (states(share) for share in (1.0, 0.5, 0.0))
+    assert set(given[:, 0].ravel().tolist()) == {3}
+    assert set(given[:, 1].ravel().tolist()) == {20}
+    assert 0.4 < (mixed[:, 0] == 3).mean() < 0.7
+    for number in (0, 1):
+        assert set(any_of[:, number].ravel().tolist()) == set(STATES[number].tolist())
+    drawn = draw(0, jnp.float32(0.5))
+    arrived = np.flatnonzero(drawn.arrived).tolist()
+    assert arrived == sorted((np.asarray(drawn.state) * 2 + [[0, 1], [32, 33]]).reshape(-1).tolist())
+    np.testing.assert_array_equal(drawn.reward, np.where(drawn.arrived, 0.0, -1.0))
 
 
 def test_the_table_of_pairs_is_the_network(prepared):
@@ -97,7 +106,7 @@ def test_the_table_of_pairs_is_the_network(prepared):
 
 def test_near_starts_are_a_few_actions_from_the_target(prepared):
     _, inputs, _ = prepared
-    drawn = draw_targets(jax.random.key(1), inputs.pairs, inputs.targets)
+    drawn = draw_targets(jax.random.key(1), inputs.pairs, inputs.targets, inputs.given_share)
     near = np.asarray(near_starts(jax.random.key(2), inputs, drawn))
     np.testing.assert_array_equal(near % 2, np.asarray(inputs.pairs.worker_first) % 2)
     np.testing.assert_array_equal(near < 32, np.asarray(inputs.pairs.worker_first) < 32)
@@ -110,7 +119,7 @@ def test_only_agents_that_are_told_stop_at_targets(prepared, told):
     inputs = dataclasses.replace(
         inputs, targets=dataclasses.replace(inputs.targets, told=jnp.asarray(told), collision=jnp.float32(-3.0))
     )
-    drawn = draw_targets(jax.random.key(1), inputs.pairs, inputs.targets)
+    drawn = draw_targets(jax.random.key(1), inputs.pairs, inputs.targets, inputs.given_share)
     steps = walk(jax.random.key(2), jnp.zeros((80, 4)), inputs, drawn, 60)
     reached = np.asarray(drawn.arrived)[steps.next_pair]
     assert reached.any()
