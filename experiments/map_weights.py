@@ -15,11 +15,12 @@ import jax
 
 from relm_irl_jax.agents.map.agent import train_on_rooms
 from relm_irl_jax.agents.map.network import MapNetwork
-from relm_irl_jax.agents.map.training_rooms import FIRST_ROOM, GeneratedRooms
+from relm_irl_jax.agents.map.training_rooms import GeneratedRooms
 from relm_irl_jax.agents.map.weights import SHIPPED, save_weights
 from relm_irl_jax.agents.settings import FRAMES, MapSettings
 from relm_irl_jax.progress import progress_bar
 from relm_irl_jax.scenes.rooms.room_specifications import VERSION
+from relm_irl_jax.scenes.rooms.training_rooms import FIRST_ROOM
 from relm_irl_jax.types import Row, State, TrainingLog
 
 

@@ -112,7 +112,18 @@ def _other(name: str, arguments: list[str]) -> None:
     """Any command but `train`."""
     import tyro
 
-    from relm_irl_jax.commands import Bench, Checked, Evaluate, Exported, Generated, Play, Record, Report
+    from relm_irl_jax.commands import (
+        Bench,
+        Checked,
+        Evaluate,
+        Exported,
+        Generated,
+        Play,
+        Record,
+        Report,
+        ShownEncoder,
+        TrainedEncoder,
+    )
 
     kinds: dict[str, tuple[Any, Callable[[Any], None]]] = {
         "evaluate": (Evaluate, _evaluate),
@@ -120,6 +131,7 @@ def _other(name: str, arguments: list[str]) -> None:
         "play": (Play, _play),
         "demonstrations": (Record, _record),
         "scenes": (Generated | Checked | Exported, _scenes),
+        "encoder": (TrainedEncoder | ShownEncoder, _encoder),
         "bench": (Bench, _bench),
     }
     kind, work = kinds[name]
@@ -188,6 +200,16 @@ def _scenes(command: Any) -> None:
         _export(command.engine)
     else:
         _check(command)
+
+
+def _encoder(command: Any) -> None:
+    from relm_irl_jax.commands import ShowEncoder
+    from relm_irl_jax.features.training.command import provenance_table, quality_table, train_encoder
+
+    if isinstance(command, ShowEncoder):
+        _console().print(provenance_table(command.weights))
+    else:
+        _console().print(quality_table(*train_encoder(command)))
 
 
 def _evaluate(command: "Evaluate") -> None:

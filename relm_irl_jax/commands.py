@@ -10,6 +10,7 @@ import tyro
 from pydantic.dataclasses import dataclass
 
 from relm_irl_jax.bounds import ImageSize, NonNegativeInt, PositiveInt, Seed
+from relm_irl_jax.features.training.settings import EncoderTraining
 from relm_irl_jax.results import Method, Task
 from relm_irl_jax.scenes.recording.thor import ThorSettings
 from relm_irl_jax.scenes.recording.vizdoom import VizdoomSettings
@@ -152,6 +153,18 @@ class Export:
 Generated = Annotated[Generate, tyro.conf.subcommand("generate", prefix_name=False)]
 Checked = Annotated[Check, tyro.conf.subcommand("check", prefix_name=False)]
 Exported = Annotated[Export, tyro.conf.subcommand("export", prefix_name=False)]
+
+
+@dataclass(frozen=True)
+class ShowEncoder:
+    """Show how weights of the small encoder were trained."""
+
+    weights: tyro.conf.Positional[str]
+    """rooms, rooms-paths, or a file of weights."""
+
+
+TrainedEncoder = Annotated[EncoderTraining, tyro.conf.subcommand("train", prefix_name=False)]
+ShownEncoder = Annotated[ShowEncoder, tyro.conf.subcommand("show", prefix_name=False)]
 
 
 @dataclass(frozen=True)

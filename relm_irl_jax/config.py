@@ -15,7 +15,7 @@ from relm_irl_jax.agents.settings import FRAMES, LogSettings, MapSettings, Metri
 from relm_irl_jax.bounds import PositiveInt
 from relm_irl_jax.cluster import ClusterSettings
 from relm_irl_jax.errors import InputError, first_fault
-from relm_irl_jax.features.settings import EncoderSettings
+from relm_irl_jax.features.settings import EncoderSettings, settings_for
 from relm_irl_jax.frames import Frames
 from relm_irl_jax.results import Method, Task
 from relm_irl_jax.rewards.settings import ElmSettings, GoalSettings, IrlSettings, ManualSettings
@@ -23,8 +23,8 @@ from relm_irl_jax.scenes.selection import ROOMS, SceneSettings
 from relm_irl_jax.tasks import EvaluationSettings, TaskSettings
 
 AgentName = Literal["siamese", "metric", "map"]
-METHODS: tuple[Method, ...] = ("random", "bc", "rl", "irl", "elm-irl", "relm-irl")
-"""Every method, in the order of the tables."""
+METHODS: tuple[Method, ...] = ("random", "bc", "rl", "constant", "irl", "elm-irl", "relm-irl")
+"""Every method, in the order of the tables. `constant` is the control of learned rewards: every step costs the same."""
 
 PAPER_METHODS: tuple[Method, ...] = ("random", "rl", "irl", "elm-irl", "relm-irl")
 """What `all` means: the methods of the paper."""
@@ -43,10 +43,10 @@ class Config:
     task: Task = "II"
     """Task to evaluate after training; training does not depend on it."""
     methods: Annotated[
-        tuple[Literal["all", "random", "bc", "rl", "irl", "elm-irl", "relm-irl"], ...], Field(min_length=1)
+        tuple[Literal["all", "random", "bc", "rl", "constant", "irl", "elm-irl", "relm-irl"], ...], Field(min_length=1)
     ] = ("all",)
-    """Methods to train and evaluate. `all` means all except behaviour cloning, `bc`, which must be named; for the
-    mapping agent, it means random and rl."""
+    """Methods to train and evaluate. `all` means all except behaviour cloning, `bc`, and a constant cost of a step,
+    `constant`, which must be named; for the mapping agent, it means random and rl."""
     scenes: str = ROOMS
     """`rooms` for the built-in scenes, or a folder of HDF5 scene files."""
     seeds: PositiveInt = 1
@@ -101,7 +101,8 @@ class Config:
         weights = self.map.weights
         if weights == "auto":
             weights = "package" if self.scenes == ROOMS else "train"
-        return replace(self, frames=self.training_frames, map=replace(self.map, weights=weights))
+        encoder = settings_for(self.encoder, built_in=self.scenes == ROOMS)
+        return replace(self, frames=self.training_frames, map=replace(self.map, weights=weights), encoder=encoder)
 
 
 _ADAPTER = TypeAdapter(Config)

@@ -15,6 +15,7 @@ COMMANDS = {
     "play": "Save animations of an agent (GIF files in the run folder), or navigate by keyboard.",
     "demonstrations": "Write demonstrations of a run as JSON lines: the expert's, or episodes of an agent.",
     "scenes": "Generate built-in rooms as scene files, record scenes of other simulators, or check scene files.",
+    "encoder": "Train the small encoder on generated rooms or your own scenes, or show how weights were trained.",
     "bench": "Measure speed on this computer.",
 }
 """Every command, and what it does."""

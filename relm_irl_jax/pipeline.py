@@ -15,7 +15,7 @@ from relm_irl_jax.run_config import locked, opened_run
 from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.scenes.selection import check_scenes_setting
-from relm_irl_jax.stages.encoding import EncodedScenes, encode_training
+from relm_irl_jax.stages.encoding import EncodedScenes, check_encoder, encode_training
 from relm_irl_jax.stages.episodes import AgentChoice, save_shown_episodes
 from relm_irl_jax.stages.evaluation import evaluate_task
 from relm_irl_jax.stages.make_agent import check_agent
@@ -77,6 +77,7 @@ def _run_stages(
     if encoded is None:
         with stopwatch("scenes and features"):
             encoded = encode_training(config)
+    check_encoder(folder, encoded)
     check_goals_memory(config, encoded.scenes)
     joint: dict[Method, list[SeedInputs]] = {}
     for seed in range(config.seeds):
@@ -120,7 +121,9 @@ def evaluate_run(config: Config, folder: RunFolder, task: Task) -> None:
         task: `I`, `II` or `III`.
     """
     with locked(folder):
-        _evaluate(config, folder, encode_training(config), task)
+        encoded = encode_training(config)
+        check_encoder(folder, encoded)
+        _evaluate(config, folder, encoded, task)
         write_report(folder)
 
 
@@ -141,6 +144,7 @@ def enter_policy(config: Config, folder: RunFolder, task: Task, policy: OwnPolic
     policy.load(0)  # before the work
     with locked(folder):
         encoded = encode_training(config)
+        check_encoder(folder, encoded)
         if not folder.results(task).exists():
             _evaluate(config, folder, encoded, task)
         enter(folder, evaluate_own_policy(config, encoded, task, policy, name))

@@ -15,7 +15,7 @@ from relm_irl_jax.run_folder import RunFolder
 Task = Literal["I", "II", "III"]
 TASKS: tuple[Task, ...] = get_args(Task)
 
-Method = Literal["random", "bc", "rl", "irl", "elm-irl", "relm-irl"]
+Method = Literal["random", "bc", "rl", "constant", "irl", "elm-irl", "relm-irl"]
 
 LEARNED: tuple[Method, ...] = ("irl", "elm-irl", "relm-irl")
 """Methods whose reward is learned from demonstrations."""

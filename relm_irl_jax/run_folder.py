@@ -3,6 +3,7 @@
     config.json                           the configuration as run
     .lock                                 held by the process that writes to the folder
     hardware.json                         the computer, and the duration of each stage
+    encoder.json                          name and checksum of the encoder
     agents/METHOD-seed-S.safetensors      network weights
     curves/METHOD-seed-S.csv              the learning curve
     checkpoints/METHOD-seed-S/            state of a running training (Orbax); removed when it is finished
@@ -48,6 +49,11 @@ class RunFolder:
     def hardware(self) -> Path:
         """Path of the description of the computer and the duration of each stage."""
         return self.path / "hardware.json"
+
+    @property
+    def encoder(self) -> Path:
+        """Path of the name and the checksum of the encoder that the agents were trained with."""
+        return self.path / "encoder.json"
 
     def agent(self, method: str, seed: int) -> Path:
         """Path of a trained network."""

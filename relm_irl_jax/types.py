@@ -18,6 +18,7 @@ from jaxtyping import Array, Bool, Int32, PRNGKeyArray
 
 from relm_irl_jax.rewards.functions import RewardFunction
 from relm_irl_jax.rewards.goals import Goals
+from relm_irl_jax.rewards.imagined import ImaginedTargets
 from relm_irl_jax.world import Targets, World
 
 Parameters = Mapping[str, Any]
@@ -35,7 +36,7 @@ Row = Mapping[str, float]
 State = TypeVar("State")
 """Everything that a training carries from chunk to chunk: a pytree of arrays."""
 
-Requirement = Literal["features", "goals", "demonstrations"]
+Requirement = Literal["features", "goals", "imagined", "demonstrations"]
 """An optional part of a `TrainingProblem`; without `features`, those of its world have no columns."""
 
 
@@ -112,6 +113,8 @@ class TrainingProblem:
         return_scale: size of a typical return; agents that learn values divide rewards by it.
         goals: states that hindsight relabelling may use as targets, and the cost of every state for each; only for
             agents that require "goals".
+        imagined: targets to train on instead of `targets` and `reward`; only for agents that require "imagined",
+            and None for methods that cannot imagine.
         demonstrations: the expert's decisions; only for agents that require "demonstrations".
     """
 
@@ -122,6 +125,7 @@ class TrainingProblem:
     frames: int
     return_scale: float = 1.0
     goals: Goals | None = None
+    imagined: ImaginedTargets | None = None
     demonstrations: Demonstrations | None = None
 
 

@@ -124,3 +124,10 @@ def test_every_number_is_finite_and_bounded_on_both_sides(name):
             nested = {key: nested}
         with pytest.raises(InputError, match=rf"c\.json: {name}"):
             config_from_dict(nested, "c.json")
+
+
+def test_defaults_that_depend_on_the_scenes_are_resolved():
+    rooms, folder = Config().resolved(), Config(scenes="some/folder").resolved()
+    assert (rooms.encoder.weights, rooms.map.weights) == ("rooms", "package")
+    assert (folder.encoder.weights, folder.map.weights) == ("auto", "train")
+    assert rooms.resolved() == rooms

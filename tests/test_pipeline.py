@@ -97,7 +97,7 @@ def test_an_agent_can_be_watched(first, folder):
             # Steps that change nothing, collisions, are one longer frame.
             shown = sum(frame.info["duration"] for frame in ImageSequence.Iterator(picture))
             assert shown == FRAME_MILLISECONDS * (steps + 4)
-            assert picture.size == (3 * 32, 32)
+            assert picture.size == (3 * 64, 64)
         assert steps >= shortest > 0
         assert ("not reached" in outcome) == (steps == 100)
 

@@ -26,9 +26,10 @@ class SiameseSettings:
     observe_reward: bool = False
     """Whether the fusion layer also receives the reward that ELM-IRL or RELM-IRL predicts for the current view and the
     target; it receives 0 with other methods."""
-    initialisation: Literal["he", "uniform"] = "he"
-    """Initial weights: He's normal distribution, with small weights for the policy (`he`), or the original agent's
-    uniform distribution on ±1/√inputs (`uniform`), whose smaller activations suit the original step size."""
+    initialisation: Literal["he", "uniform", "distance"] = "he"
+    """Initial weights: He's normal distribution, with small weights for the policy (`he`), the original agent's uniform
+    distribution on ±1/√inputs (`uniform`), whose smaller activations suit the original step size, or He's with a fusion
+    layer and values that begin as a distance between the two views (`distance`), which many targets need."""
     heads: Literal["room_type", "shared", "scene"] = "room_type"
     """Which scenes share the last hidden layer, the policy and the value. The original agent has a head for each scene
     (`scene`), and therefore no head for scenes that were not trained."""
@@ -58,6 +59,24 @@ class SiameseSettings:
     """Weight of the policy's entropy. With 0.01 and the hand-made reward, targets in the largest rooms are not
     discovered, since the agent first learns to turn in place, which avoids collisions (success 0.89 after 3M frames;
     1.00 with 0.03)."""
+    imagine: Literal["none", "told", "reward-alone"] = "none"
+    """Whether the agent also trains on imagined targets, views of the training scenes that no task evaluates on.
+    `told`: the simulator ends an episode at an imagined view; RL, ELM-IRL, RELM-IRL and the control with a constant
+    cost use them. `reward-alone`: nothing tells of the arrival at any target, only the predicted reward of ELM-IRL and
+    RELM-IRL does. All other methods train on the given targets, and are told."""
+    imagined_targets: PositiveInt = 1000
+    """Largest number of imagined targets of each scene."""
+    targets_at_once: PositiveInt = 4
+    """Targets of each scene in an update, which evaluates each of them with all states."""
+    given_share: UnitInterval = 0.1
+    """Share of given targets among the targets of an update. Given targets that are drawn much more often than others
+    attract agents that look for a view near them."""
+    near_starts: UnitInterval = 0.5
+    """Share of episodes with imagined targets that start a random walk away from the target; the others start
+    anywhere."""
+    cost_limit: PositiveFloat = 0.05
+    """With `reward-alone`, the predicted cost above which costs are equal, as a share of r_max. Small ones make states
+    that merely resemble the target as bad as all others."""
     seeds_at_once: Literal["auto", "always", "never"] = "auto"
     """Whether all seeds of a method train in one program. `auto` does so on a single accelerator, which trains several
     seeds in little more time than one. A CPU would not be faster; several devices share the workers of one seed."""

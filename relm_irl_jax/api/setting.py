@@ -11,7 +11,7 @@ from relm_irl_jax.api.scenes import Scenes
 from relm_irl_jax.config import Config
 from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.scenes.selection import check_scenes_setting, loader, training_scenes, unseen_scenes
-from relm_irl_jax.stages.encoding import EncodedScenes, encode_more, encode_scenes, encode_training
+from relm_irl_jax.stages.encoding import EncodedScenes, encode_more, encode_scenes, encode_training, scene_settings
 from relm_irl_jax.stages.worlds import EvaluationTask, evaluation_task
 from relm_irl_jax.transitions import Observed
 
@@ -46,7 +46,7 @@ class Setting:
         given = self.unseen if task.name == "III" else self.scenes
         if given is None:
             load = unseen_scenes if task.name == "III" else training_scenes
-            given = [each() for each in load(self.config.scenes, self.config.scene)]
+            given = [each() for each in load(self.config.scenes, scene_settings(self.config))]
         views = {scene.name: scene.views for scene in given}
         return [views[scene.name] for scene in task.scenes]
 

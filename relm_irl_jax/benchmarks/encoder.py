@@ -1,9 +1,10 @@
-"""Images per second of the encoder at 224x224, compared with the same network in torch if torch is installed.
+"""Images per second of the encoders: the small network at 64x64, and ResNet-50 at 224x224.
 
-The programs run in turn in one process on the same images, so that all have the same conditions: this package, and
-torch in both of its memory layouts, also with folded batch norms. Wall-clock time depends on the load of the computer,
-to a different extent for programs with several threads; processor time does not include other processes. On a busy
-computer, compare the processor times with one thread: `taskset -c 0 relm-irl bench encoder`.
+ResNet-50 is compared with the same network in torch if torch is installed. The programs run in turn in one process on
+the same images, so that all have the same conditions: this package, and torch in both of its memory layouts, also with
+folded batch norms. Wall-clock time depends on the load of the computer, to a different extent for programs with several
+threads; processor time does not include other processes. On a busy computer, compare the processor times with one
+thread: `taskset -c 0 relm-irl bench encoder`.
 """
 
 import time
@@ -19,6 +20,7 @@ from rich.table import Table
 
 from relm_irl_jax.benchmarks.timing import REPEATS, describe_computer
 from relm_irl_jax.features import weights
+from relm_irl_jax.features.convnet import VIEW, fold_batch_norms, initial_variables
 from relm_irl_jax.features.encoder import IMAGENET_MEAN, IMAGENET_STD, Views, encode_batch
 from relm_irl_jax.features.resnet import STAGES, layers
 from relm_irl_jax.progress import console
@@ -43,8 +45,13 @@ class Timing:
     processor: Float64[np.ndarray, "repeat"]
 
 
+SMALL_BATCH_SIZES = (16, 64, 256)
+"""Numbers of views in a batch of the small network."""
+
+
 def main() -> None:
-    """Measure and print the table."""
+    """Measure and print the tables."""
+    console.print(small_table())
     state = weights.random_state_dict(seed=0)
     params = jax.tree.map(jnp.asarray, weights.fold_batch_norms(state))
     references = {
@@ -68,6 +75,24 @@ def main() -> None:
     console.print(table)
     if None in references.values():
         console.print("torch (extra `peers`) is not installed, so there is no comparison")
+
+
+def small_table() -> Table:
+    """Measure the small network, on random weights: the rate does not depend on their values."""
+    params = jax.tree.map(jnp.asarray, fold_batch_norms(initial_variables(jax.random.key(0))))
+    table = Table(title=f"Small network at {VIEW}x{VIEW}, views/s\n{describe_computer()}")
+    for heading in ("batch", "wall median", "wall worst", "processor median"):
+        table.add_column(heading, justify="right")
+    for batch in SMALL_BATCH_SIZES:
+        views = np.random.default_rng(0).integers(0, 256, (batch, VIEW, VIEW, 3), np.uint8)
+
+        def program(views: Views = views) -> np.ndarray:
+            return np.asarray(encode_batch(params, views, VIEW, "convnet"))
+
+        timing = measure_in_turn({"small": program})["small"]
+        seconds = (np.median(timing.wall), timing.wall.max(), np.median(timing.processor))
+        table.add_row(str(batch), *(f"{batch / value:.0f}" for value in seconds))
+    return table
 
 
 def encode_views(params: weights.Params, views: Views) -> Float32[np.ndarray, "view 2048"]:

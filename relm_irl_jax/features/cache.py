@@ -12,7 +12,6 @@ from safetensors.numpy import save
 
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.features.encoder import Encoder, Views, encode
-from relm_irl_jax.features.resnet import N_FEATURES
 from relm_irl_jax.files import cache_folder, write_bytes
 from relm_irl_jax.progress import console
 from relm_irl_jax.scenes.scene import Scene
@@ -20,7 +19,7 @@ from relm_irl_jax.scenes.scene import Scene
 
 def encode_cached(
     views: Views, encoder: Encoder, folder: Path, description: str = "encoding views"
-) -> Float32[np.ndarray, "view 2048"]:
+) -> Float32[np.ndarray, "view feature"]:
     """Read the features of views from the cache folder, or encode the views and save their features there.
 
     If a file cannot be read or does not match its checksum, the features are computed again, with a notice. Files are
@@ -38,7 +37,7 @@ def encode_cached(
     path = folder / f"{cache_key(views, encoder)}.safetensors"
     if path.exists():
         try:
-            return _load(path, len(views))
+            return _load(path, (len(views), encoder.n_features))
         except (SafetensorError, OSError, ValueError) as error:
             console.print(
                 f"{path.name}: features are damaged ({error}); encoding again", style="yellow", highlight=False
@@ -83,11 +82,11 @@ def cache_key(views: Views, encoder: Encoder) -> str:
     return digest.hexdigest()[:32]
 
 
-def _load(path: Path, n_views: int) -> np.ndarray:
+def _load(path: Path, shape: tuple[int, int]) -> np.ndarray:
     """Read features; raises ValueError if their shape, type or checksum is wrong."""
     with safe_open(path, framework="numpy") as file:
         features, checksum = file.get_tensor("features"), (file.metadata() or {}).get("sha256")
-    if features.shape != (n_views, N_FEATURES) or features.dtype != np.float32:
+    if features.shape != shape or features.dtype != np.float32:
         raise ValueError(f"shape {features.shape} and type {features.dtype}")
     if hashlib.sha256(features.data).hexdigest() != checksum:
         raise ValueError("checksum")

@@ -123,10 +123,12 @@ def encoded(scene: Scene) -> Scene:
     """
     from relm_irl_jax.features.cache import encode_scene  # loads JAX
     from relm_irl_jax.features.encoder import N_CALIBRATION_VIEWS, make_encoder
-    from relm_irl_jax.features.settings import EncoderSettings
+    from relm_irl_jax.features.settings import EncoderSettings, settings_for
+    from relm_irl_jax.scenes.rooms.room_specifications import SOURCE
 
     calibration_views = scene.views[:: max(1, scene.n_states // N_CALIBRATION_VIEWS)]
-    return encode_scene(scene, make_encoder(EncoderSettings(), calibration_views))
+    settings = settings_for(EncoderSettings(), built_in=scene.source == SOURCE)
+    return encode_scene(scene, make_encoder(settings, calibration_views))
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,7 +163,9 @@ class TaskScenes:
         if self.training is not None:
             return list(given or ())
         check_scenes_setting(self.config.scenes)
-        return _loaded(self.config.scenes, self.config.scene, unseen)
+        from relm_irl_jax.stages.encoding import scene_settings  # loads JAX
+
+        return _loaded(self.config.scenes, scene_settings(self.config), unseen)
 
 
 def task_problem(

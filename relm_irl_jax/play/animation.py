@@ -12,7 +12,8 @@ from relm_irl_jax.files import whole_file
 from relm_irl_jax.progress import progress_bar
 from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.scenes.scene import GRID_STEP, Scene
-from relm_irl_jax.stages.encoding import encode_training
+from relm_irl_jax.scenes.selection import scene_to_show
+from relm_irl_jax.stages.encoding import check_encoder, encode_training
 from relm_irl_jax.stages.episodes import AgentChoice, EpisodePath, paths_of_agent
 
 FRAME_MILLISECONDS = 250
@@ -38,12 +39,13 @@ def play(config: Config, folder: RunFolder, choice: AgentChoice, episode: int) -
     if method != "random" and not folder.agent(method, seed).exists():
         raise InputError(f"{folder.path}: contains no agent of {method} with seed {seed}; train it, or choose another.")
     played = []
-    _, paths = paths_of_agent(config, folder, encode_training(config), choice, episode)
+    encoded = encode_training(config)
+    check_encoder(folder, encoded)
+    _, paths = paths_of_agent(config, folder, encoded, choice, episode)
     with progress_bar("drawing episodes", len(paths), "scenes") as advance:
-        for load, episode_path in paths:
-            scene = load()
+        for scene, episode_path in paths:
             file = folder.animation(method, choice.task, scene.name, episode)
-            write_gif(file, scene, episode_path)
+            write_gif(file, scene_to_show(config.scenes, config.scene, scene.name), episode_path)
             played.append((file, episode_path))
             advance(1)
     return played

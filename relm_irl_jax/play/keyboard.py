@@ -22,7 +22,8 @@ from relm_irl_jax.config import Config
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.gym import find_scene, target_states
 from relm_irl_jax.scenes.scene import Scene, successors
-from relm_irl_jax.scenes.selection import training_scenes, unseen_scenes
+from relm_irl_jax.scenes.selection import scene_to_show, training_scenes, unseen_scenes
+from relm_irl_jax.stages.encoding import scene_settings
 from relm_irl_jax.stages.episodes import EpisodePath
 from relm_irl_jax.tasks import draw_split
 
@@ -50,19 +51,17 @@ def scene_and_targets_of_run(config: Config, task: str, seed: int, name: str | N
     Raises:
         InputError: the task has no such scene.
     """
-    loaders = training_scenes(config.scenes, config.scene)
-    training = [load(views=False) for load in loaders]
-    if task == "III":
-        loaders = unseen_scenes(config.scenes, config.scene)
-    unseen = [load(views=False) for load in loaders] if task == "III" else []
+    settings = scene_settings(config)  # objects are as large in views as in the run's, so that the targets are the same
+    training = [load(views=False) for load in training_scenes(config.scenes, settings)]
+    unseen = [load(views=False) for load in unseen_scenes(config.scenes, settings)] if task == "III" else []
     scenes = unseen if task == "III" else training
     targets = draw_split(training, unseen, config.tasks, seed).of_task(task, config.evaluation)
     states = {scene.name: [t.state for t in targets if t.scene == number] for number, scene in enumerate(scenes)}
-    with_targets = {scene.name: load for scene, load in zip(scenes, loaders, strict=True) if states[scene.name]}
-    chosen = next(iter(with_targets)) if name is None else name
+    with_targets = [scene.name for scene in scenes if states[scene.name]]
+    chosen = with_targets[0] if name is None else name
     if chosen not in with_targets:
         raise InputError(f"scene: Task {task} has no targets in {chosen}; give one of {', '.join(with_targets)}.")
-    return with_targets[chosen](), states[chosen]
+    return scene_to_show(config.scenes, config.scene, chosen), states[chosen]
 
 
 def scene_and_targets(scene: str, target: str | None) -> tuple[Scene, list[int]]:

@@ -23,6 +23,7 @@ COLOURS = {
     "random": "#7f7f7f",
     "bc": "#2ca02c",
     "rl": "#222222",
+    "constant": "#17a2a2",
     "irl": "#1f6fd6",
     "elm-irl": "#e08a1e",
     "relm-irl": "#d62728",

@@ -3,7 +3,15 @@
 import re
 from collections.abc import Collection, Sequence
 
-METHOD_NAMES = {"random": "Random", "bc": "BC", "rl": "RL", "irl": "IRL", "elm-irl": "ELM-IRL", "relm-irl": "RELM-IRL"}
+METHOD_NAMES = {
+    "random": "Random",
+    "bc": "BC",
+    "rl": "RL",
+    "constant": "Constant cost",
+    "irl": "IRL",
+    "elm-irl": "ELM-IRL",
+    "relm-irl": "RELM-IRL",
+}
 """Methods in the order of the tables."""
 
 METRIC_NAMES = {"ple": "PLE ↓", "sr": "SR ↑", "spl": "SPL ↑"}

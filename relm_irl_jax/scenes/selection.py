@@ -21,6 +21,10 @@ ROOMS = "rooms"
 """Value of the setting `scenes` that selects the built-in rooms instead of a folder."""
 
 
+SHOWN_SIZE = 224
+"""Rows and columns of the views of built-in rooms that are shown to people, by default."""
+
+
 @dataclass(frozen=True)
 class SceneSettings:
     """Training scenes, unseen scenes, and the size of the built-in rooms."""
@@ -33,8 +37,8 @@ class SceneSettings:
     """Unseen scenes of each room type for Task III. In a folder, these follow the training scenes; one is enough."""
     size: Literal["full", "tiny"] = "full"
     """Size of the built-in rooms: the state counts of the original scenes (`full`), or 12 to 20 places (`tiny`)."""
-    image_size: ImageSize = 224
-    """Rows and columns of the views of built-in rooms."""
+    image_size: ImageSize | None = None
+    """Rows and columns of the views of built-in rooms; by default as many as the encoder takes."""
     first_room: NonNegativeInt = 0
     """Number of the first built-in room of each type; training rooms come first, then unseen rooms."""
 
@@ -107,6 +111,29 @@ def unseen_scenes(scenes: str, settings: SceneSettings) -> list[SceneLoader]:
     return [partial(load_scene, path) for path in chosen]
 
 
+def scene_to_show(scenes: str, settings: SceneSettings, name: str) -> Scene:
+    """Load one scene with views as people want to see them.
+
+    Args:
+        scenes: `ROOMS`, or a folder of scene files.
+        settings: which scenes.
+        name: name of one of them.
+
+    Returns:
+        The scene with its views.
+
+    Raises:
+        InputError: there is no such scene.
+    """
+    if scenes == ROOMS:
+        room_type, number = name.rsplit("-", 1)
+        return built_in_room(room_type, int(number), size=settings.size, image_size=settings.image_size or SHOWN_SIZE)
+    for path in scene_files(Path(scenes)):
+        if load_scene(path, views=False).name == name:
+            return load_scene(path)
+    raise InputError(f"scenes: {scenes} contains no scene {name} any more; restore its file.")
+
+
 def check_scenes_setting(scenes: str) -> None:
     """Check that a value is `ROOMS` or a folder of scene files.
 
@@ -141,8 +168,9 @@ def _built_in_rooms(first: int, count: int, settings: SceneSettings) -> list[Sce
     """Rooms `first` to `first + count - 1` of every type."""
     if settings.training:
         raise InputError("scene.training: names scenes of a folder; leave it out for the built-in rooms.")
+    image_size = settings.image_size or SHOWN_SIZE
     return [
-        partial(built_in_room, room_type, first + number, size=settings.size, image_size=settings.image_size)
+        partial(built_in_room, room_type, first + number, size=settings.size, image_size=image_size)
         for room_type in ROOM_TYPES
         for number in range(count)
     ]

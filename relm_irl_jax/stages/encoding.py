@@ -7,9 +7,12 @@ from functools import lru_cache
 import numpy as np
 from jaxtyping import UInt8
 
-from relm_irl_jax.config import Config
+from relm_irl_jax.config import Config, read_fields
+from relm_irl_jax.errors import InputError
 from relm_irl_jax.features.cache import encode_scene
-from relm_irl_jax.features.encoder import N_CALIBRATION_VIEWS, Encoder, Views, make_encoder
+from relm_irl_jax.features.encoder import N_CALIBRATION_VIEWS, Encoder, Views, image_size_of, make_encoder
+from relm_irl_jax.files import write_json
+from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.scenes.selection import ROOMS, SceneLoader, SceneSettings, training_scenes, unseen_scenes
 from relm_irl_jax.stages.make_agent import needs_features
@@ -42,7 +45,7 @@ def encode_training(config: Config) -> EncodedScenes:
     Returns:
         The training scenes with features; without columns if neither the agents nor the rewards need features.
     """
-    loaders = training_scenes(config.scenes, config.scene)
+    loaders = training_scenes(config.scenes, scene_settings(config))
     if not needs_features(config):
         return EncodedScenes([_without_features(load(views=False)) for load in loaders], None, NO_ENCODER)
     return encode_scenes(config, loaders)
@@ -57,18 +60,24 @@ def encode_scenes(config: Config, loaders: Sequence[SceneLoader]) -> EncodedScen
 
     Returns:
         The scenes with features.
+
+    Raises:
+        InputError: the encoder was trained on one of the scenes.
     """
-    if config.scenes != ROOMS:
+    settings = config.resolved().encoder
+    if settings.weights == "auto":
         scenes = [load(views=False) for load in loaders]
         if all(scene.features is not None for scene in scenes):
             return EncodedScenes(scenes, None, scenes[0].encoder)
     # The statistics of random weights are measured on training views only, so that unseen scenes stay unseen.
     share = -(-N_CALIBRATION_VIEWS // len(loaders))
-    calibration = (
-        [_evenly_spaced(load().views, share) for load in loaders] if config.encoder.weights == "random" else []
-    )
-    encoder = make_encoder(config.encoder, np.concatenate(calibration) if calibration else None)
-    return EncodedScenes([_encoded(load, encoder) for load in loaders], encoder, encoder.name)
+    random = settings.weights in ("random", "auto")
+    calibration = [_evenly_spaced(load().views, share) for load in loaders] if random else []
+    encoder = make_encoder(settings, np.concatenate(calibration) if calibration else None)
+    scenes = [_encoded(load, encoder) for load in loaders]
+    if config.scenes == ROOMS:
+        _check_apart(encoder, scenes)
+    return EncodedScenes(scenes, encoder, encoder.name)
 
 
 def encode_unseen(config: Config, training: EncodedScenes) -> list[Scene]:
@@ -81,7 +90,49 @@ def encode_unseen(config: Config, training: EncodedScenes) -> list[Scene]:
     Returns:
         The unseen scenes with features.
     """
-    return _encode_unseen(config.scenes, config.scene, training)
+    return _encode_unseen(config.scenes, scene_settings(config), training)
+
+
+def scene_settings(config: Config) -> SceneSettings:
+    """The settings of scenes, with the size at which built-in rooms are rendered where nobody looks at them.
+
+    Args:
+        config: the configuration.
+    """
+    return replace(config.scene, image_size=config.scene.image_size or image_size_of(config.resolved().encoder))
+
+
+def check_encoder(folder: RunFolder, encoded: EncodedScenes) -> None:
+    """Note the encoder of a run's first training, and refuse another one afterwards.
+
+    Args:
+        folder: the run folder.
+        encoded: the training scenes.
+
+    Raises:
+        InputError: agents of the run were trained with another encoder.
+    """
+    fingerprint = encoded.encoder.fingerprint if encoded.encoder else ""
+    found = {"name": encoded.encoder_name, "fingerprint": fingerprint}
+    if not folder.encoder.exists():
+        write_json(folder.encoder, found)
+        return
+    noted = read_fields(folder.encoder)
+    if noted != found:
+        raise InputError(
+            f"run: the agents in {folder.path} were trained with encoder {noted.get('name')}, not {found['name']} as "
+            "the weights are now; restore those weights, or give another run folder."
+        )
+
+
+def _check_apart(encoder: Encoder, scenes: Sequence[Scene]) -> None:
+    """Refuse scenes that the encoder was trained on, where they must be new to it."""
+    known = sorted({scene.name for scene in scenes} & encoder.trained_scenes)
+    if known:
+        raise InputError(
+            f"encoder: {encoder.name} was trained on {known[0]}, which must be new to it here; choose other scenes, or "
+            "another encoder with --encoder.weights."
+        )
 
 
 @lru_cache(maxsize=1)
@@ -103,7 +154,9 @@ def encode_more(training: EncodedScenes, loaders: Sequence[SceneLoader]) -> list
     """
     if training.encoder is None:
         return [load(views=False) for load in loaders]
-    return [_encoded(load, training.encoder) for load in loaders]
+    scenes = [_encoded(load, training.encoder) for load in loaders]
+    _check_apart(training.encoder, scenes)
+    return scenes
 
 
 def _evenly_spaced(views: Views, count: int) -> UInt8[np.ndarray, "chosen height width 3"]:

@@ -11,8 +11,9 @@ from relm_irl_jax.evaluation import trace_episodes
 from relm_irl_jax.experts import follow_expert, shortest_path_expert
 from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.saved_maps import SavedEpisode, poses_of, save_episodes
-from relm_irl_jax.scenes.selection import SceneLoader, training_scenes, unseen_scenes
-from relm_irl_jax.stages.encoding import EncodedScenes, encode_unseen
+from relm_irl_jax.scenes.scene import Scene
+from relm_irl_jax.scenes.selection import scene_to_show
+from relm_irl_jax.stages.encoding import EncodedScenes
 from relm_irl_jax.stages.evaluation import load_policy
 from relm_irl_jax.stages.worlds import EvaluationTask, evaluation_task
 from relm_irl_jax.types import Policy
@@ -80,7 +81,7 @@ class AgentChoice:
 
 def paths_of_agent(
     config: Config, folder: RunFolder, training: EncodedScenes, choice: AgentChoice, episode: int
-) -> tuple[EvaluationTask, list[tuple[SceneLoader, EpisodePath]]]:
+) -> tuple[EvaluationTask, list[tuple[Scene, EpisodePath]]]:
     """Run one episode in each scene of a task.
 
     Args:
@@ -91,18 +92,13 @@ def paths_of_agent(
         episode: number of the episode, which determines start, target and actions.
 
     Returns:
-        The task, and for each of its scenes a function that loads the scene, and the path.
+        The task, and for each scene the scene without its views and the path.
     """
     task = evaluation_task(config, training, choice.task, choice.seed)
-    if choice.task == "III":
-        scenes, loaders = encode_unseen(config, training), unseen_scenes(config.scenes, config.scene)
-    else:
-        scenes, loaders = training.scenes, training_scenes(config.scenes, config.scene)
-    by_name = {scene.name: load for scene, load in zip(scenes, loaders, strict=True)}
     policy = load_policy(config, folder, choice.method, choice.seed, task)
     key = jax.random.fold_in(jax.random.key(choice.seed), episode)
     paths = episode_paths(key, policy, task, config.tasks.cap)
-    return task, [(by_name[scene.name], path) for scene, path in zip(task.scenes, paths, strict=True)]
+    return task, list(zip(task.scenes, paths, strict=True))
 
 
 def save_shown_episodes(config: Config, folder: RunFolder, training: EncodedScenes, choice: AgentChoice) -> None:
@@ -117,10 +113,9 @@ def save_shown_episodes(config: Config, folder: RunFolder, training: EncodedScen
     task, paths = paths_of_agent(config, folder, training, choice, 0)
     category = {(target.scene, target.state): target.category for target in task.chosen}
     shown: dict[str, SavedEpisode] = {}
-    for number, (load, path) in enumerate(paths):
-        if task.scenes[number].room_type in shown:
+    for number, (scene, path) in enumerate(paths):
+        if scene.room_type in shown:
             continue
-        scene = load()
         shown[scene.room_type] = SavedEpisode(
             poses=poses_of(scene),
             method=choice.method,
@@ -129,6 +124,6 @@ def save_shown_episodes(config: Config, folder: RunFolder, training: EncodedScen
             category=category[number, path.target],
             path=path.states,
             shortest_path=follow_expert(scene, shortest_path_expert(scene, path.target), int(path.states[0])).states,
-            target_view=scene.views[path.target],
+            target_view=scene_to_show(config.scenes, config.scene, scene.name).views[path.target],
         )
     save_episodes(folder.episodes(choice.task), list(shown.values()))

@@ -8,6 +8,7 @@ from relm_irl_jax.features.resnet import N_FEATURES
 from relm_irl_jax.hardware import require_memory
 from relm_irl_jax.scenes.scene import ROOM_TYPES, Scene
 from relm_irl_jax.scenes.selection import ROOMS
+from relm_irl_jax.stages.encoding import scene_settings
 from relm_irl_jax.stages.make_agent import make_agent, needs_features
 
 LARGEST_ROOM = 876
@@ -73,7 +74,9 @@ def estimates(config: Config) -> dict[str, int]:
         if needs_features(config):
             needed["scene.training_per_type: features"] = _training_states(config) * N_FEATURES * COPIES * FLOAT32
         # Views are in memory for one room at a time.
-        needed["scene.image_size: the views of a room"] = LARGEST_ROOM * config.scene.image_size**2 * 3
+        needed["scene.image_size: the views of a room"] = (
+            LARGEST_ROOM * (scene_settings(config).image_size or 0) ** 2 * 3
+        )
     needed |= _training_steps(config).get(config.agent, {})
     if {"elm-irl", "relm-irl"} & set(config.chosen_methods()):
         # `elm.pairs` is an upper bound, of which a run with few demonstrations has fewer.

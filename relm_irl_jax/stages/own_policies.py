@@ -16,7 +16,7 @@ from relm_irl_jax.progress import progress_bar
 from relm_irl_jax.results import OWN, ResultRow, Results, join_results, load_results, save_entry, save_results
 from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.scenes.selection import training_scenes, unseen_scenes
-from relm_irl_jax.stages.encoding import EncodedScenes
+from relm_irl_jax.stages.encoding import EncodedScenes, scene_settings
 from relm_irl_jax.stages.evaluation import result_rows
 from relm_irl_jax.stages.worlds import EvaluationTask, evaluation_task
 from relm_irl_jax.transitions import Observed
@@ -136,7 +136,7 @@ def _observed(config: Config, task: EvaluationTask, obs: Observed) -> list[np.nd
             raise InputError("obs: the agents of this run look at frames, and no features were made; give frames.")
         return [scene.encoded for scene in task.scenes]
     load = unseen_scenes if task.name == "III" else training_scenes
-    views = {scene.name: scene.views for scene in (each() for each in load(config.scenes, config.scene))}
+    views = {scene.name: scene.views for scene in (each() for each in load(config.scenes, scene_settings(config)))}
     return [views[scene.name] for scene in task.scenes]
 
 

@@ -14,8 +14,9 @@ from relm_irl_jax.files import write_table
 from relm_irl_jax.parameters import save_parameters
 from relm_irl_jax.progress import progress_bar
 from relm_irl_jax.rewards.demonstrated import demonstrate_targets
-from relm_irl_jax.rewards.functions import RewardFunction, manual_reward
+from relm_irl_jax.rewards.functions import ManualReward, RewardFunction, manual_reward
 from relm_irl_jax.rewards.goals import Goals, demonstrated_goals, manual_goals, predicted_goals
+from relm_irl_jax.rewards.imagined import ImaginedTargets, constant_rewards, imagined_states, predicted_rewards
 from relm_irl_jax.rewards.learned import LearnedRewards, demonstrated_reward, predicted_reward
 from relm_irl_jax.rewards.predicted import RewardPredictor
 from relm_irl_jax.run_folder import RunFolder
@@ -78,6 +79,7 @@ def training_problem(config: Config, method: Method, inputs: SeedInputs, agent: 
         cap=config.tasks.cap,
         frames=config.training_frames,
         return_scale=1.0 if method in ("rl", "bc") else learned_scale,
+        imagined=imagined_of(config, method, inputs, predictor) if "imagined" in agent.requires else None,
         goals=goals_of(config, method, inputs, predictor) if "goals" in agent.requires else None,
         demonstrations=demonstrations_of(config, inputs) if "demonstrations" in agent.requires else None,
     )
@@ -97,6 +99,9 @@ def reward_of(config: Config, method: Method, inputs: SeedInputs, predictor: Rew
     """
     if method in ("rl", "bc"):
         return manual_reward(config.manual)
+    if method == "constant":
+        cost = jnp.float32(-config.irl.max_margin.r_max)
+        return ManualReward(target=jnp.float32(0.0), collision=cost, step=cost)
     if method == "irl":
         return demonstrated_reward(inputs.scenes, inputs.split.training, inputs.rewards())
     assert predictor is not None
@@ -117,7 +122,9 @@ def goals_of(config: Config, method: Method, inputs: SeedInputs, predictor: Rewa
         The goals.
     """
     scenes, split, hindsight = inputs.scenes, inputs.split, config.goals.hindsight
-    if method == "rl":
+    if method == "constant" and hindsight == "none" and config.goals.imagine:
+        hindsight = "strict"
+    if method in ("rl", "constant"):
         return manual_goals(scenes, split, hindsight, config.manual)
     if method == "irl":
         return demonstrated_goals(scenes, split, hindsight, inputs.rewards())
@@ -127,6 +134,34 @@ def goals_of(config: Config, method: Method, inputs: SeedInputs, predictor: Rewa
     assert predictor is not None
     from_current = config.elm.predict_from == "current"
     return predicted_goals(scenes, split, hindsight, predictor, generator, from_current_view=from_current)
+
+
+def imagined_of(
+    config: Config, method: Method, inputs: SeedInputs, predictor: RewardPredictor | None
+) -> ImaginedTargets | None:
+    """The imagined targets of a method.
+
+    Args:
+        config: the configuration, in which the siamese agent imagines targets.
+        method: the method.
+        inputs: scenes, targets and rewards of the seed.
+        predictor: predicts the method's rewards, if it predicts any.
+
+    Returns:
+        The targets; None for methods that train on the given targets alone.
+    """
+    scenes, split, settings = inputs.scenes, inputs.split, config.siamese
+    told, r_max = settings.imagine == "told", config.irl.max_margin.r_max
+    generator = np.random.default_rng([inputs.seed, 6])
+    states = imagined_states(scenes, split, settings.imagined_targets, generator)
+    if predictor is not None:
+        return predicted_rewards(split, states, predictor, generator, None if told else settings.cost_limit)
+    if method == "rl" and told:
+        manual = config.manual
+        return constant_rewards(scenes, split, states, manual.step, manual.target, manual.collision)
+    if method == "constant" and told:
+        return constant_rewards(scenes, split, states, -r_max, 0.0, np.inf)
+    return None
 
 
 def demonstrations_of(config: Config, inputs: SeedInputs) -> Demonstrations:

@@ -29,7 +29,7 @@ def views():
 
 @pytest.fixture(scope="session")
 def settings():
-    return EncoderSettings(image_size=IMAGE_SIZE)
+    return EncoderSettings(weights="random", image_size=IMAGE_SIZE)
 
 
 @pytest.fixture(scope="session")

@@ -91,6 +91,7 @@ def test_a_task_of_a_run(monkeypatch):
     monkeypatch.setattr(
         keyboard, "training_scenes", lambda *_: [lambda views=True, scene=scene: scene for scene in scenes]
     )
+    monkeypatch.setattr(keyboard, "scene_to_show", lambda _, __, name: next(s for s in scenes if s.name == name))
     monkeypatch.setattr(keyboard, "draw_split", lambda *_: split)
     scene, targets = keyboard.scene_and_targets_of_run(Config(), "I", 0, None)
     assert (scene.name, targets) == ("bedroom-0", [7])

@@ -1,7 +1,7 @@
 """The rooms that the mapping agent trains on: generated ones that no task evaluates on, or given scenes.
 
-Rooms 0 to 99 of each type and those from 10000 on are kept for evaluation. Only a window of the generated rooms is held
-in memory: it moves on through all of them as training advances, so that memory does not grow with their number.
+Only a window of the generated rooms is held in memory: it moves on through all of them as training advances, so that
+memory does not grow with their number.
 """
 
 from collections.abc import Sequence
@@ -11,14 +11,7 @@ from typing import Protocol, runtime_checkable
 
 from relm_irl_jax.agents.map.network import VIEW
 from relm_irl_jax.agents.map.rooms import Room, to_room
-from relm_irl_jax.errors import InputError
-from relm_irl_jax.scenes.scene import ROOM_TYPES
-
-FIRST_ROOM = 1000
-"""Number of the first generated training room of each type."""
-
-LAST_ROOM = 9999
-"""Number of the last one."""
+from relm_irl_jax.scenes.rooms.training_rooms import training_numbers
 
 WINDOW = 96
 """Generated rooms that are held in memory, about 0.5 GB."""
@@ -94,36 +87,3 @@ def _generated(room_type: str, number: int, size: str) -> Room:
     from relm_irl_jax.scenes.rooms.generate import generate_room
 
     return to_room(generate_room(room_type, number, size=size, image_size=VIEW, show_progress=False))
-
-
-def check_training_rooms(numbers: Sequence[int]) -> None:
-    """Refuse rooms that are kept for evaluation.
-
-    Args:
-        numbers: numbers of generated rooms.
-
-    Raises:
-        InputError: one lies outside `FIRST_ROOM` to `LAST_ROOM`.
-    """
-    for number in numbers:
-        if not FIRST_ROOM <= number <= LAST_ROOM:
-            raise InputError(
-                f"Room {number} is kept for evaluation; the mapping agent trains on rooms {FIRST_ROOM} to {LAST_ROOM}."
-            )
-
-
-def training_numbers(rooms: int) -> list[tuple[str, int]]:
-    """Type and number of the generated training rooms.
-
-    Args:
-        rooms: how many, spread over the room types.
-
-    Returns:
-        The rooms, the types in turn.
-
-    Raises:
-        InputError: there are not so many that are not kept for evaluation.
-    """
-    numbers = [(ROOM_TYPES[i % len(ROOM_TYPES)], FIRST_ROOM + i // len(ROOM_TYPES)) for i in range(rooms)]
-    check_training_rooms([number for _, number in numbers[-len(ROOM_TYPES) :]])
-    return numbers

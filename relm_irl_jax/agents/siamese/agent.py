@@ -9,6 +9,7 @@ from jaxtyping import PRNGKeyArray
 
 from relm_irl_jax.agents.settings import SiameseSettings
 from relm_irl_jax.agents.siamese.forward import evaluate_pairs, tabulate
+from relm_irl_jax.agents.siamese.imagined_training import train_on_imagined
 from relm_irl_jax.agents.siamese.joint_seeds import train_seeds
 from relm_irl_jax.agents.siamese.network import Outputs
 from relm_irl_jax.agents.siamese.policy import PairPolicy, SeveralViewsPolicy
@@ -40,10 +41,18 @@ class SiameseAgent:
     greedy: bool = False
     devices: Sequence[jax.Device] | None = None
     name: str = "siamese"
-    requires: frozenset[Requirement] = frozenset({"features"})
+
+    @property
+    def requires(self) -> frozenset[Requirement]:
+        """Features, and imagined targets if the settings ask for them."""
+        if self.settings.imagine == "none":
+            return frozenset({"features"})
+        return frozenset({"features", "imagined"})
 
     def train(self, key: PRNGKeyArray, problem: TrainingProblem, log: TrainingLog) -> tuple[Parameters, LearningCurve]:
         """Train on a problem; see `relm_irl_jax.types.Agent`."""
+        if problem.imagined is not None:
+            return train_on_imagined(key, problem, self.settings, log)
         n_heads = int(scene_heads(problem.world, self.settings).max()) + 1
         devices = usable_devices(self.settings.workers // n_heads, self.devices)
         state, inputs, form = prepare_training(key, problem, self.settings, len(devices))
@@ -72,6 +81,8 @@ class SiameseAgent:
 
     def prefers_joint_training(self) -> bool:
         """Whether several seeds train faster in one program; see `SiameseSettings.seeds_at_once`."""
+        if self.settings.imagine != "none":
+            return False
         choice = self.settings.seeds_at_once
         single = len(jax.devices() if self.devices is None else self.devices) == 1
         return single and (choice == "always" or (choice == "auto" and jax.default_backend() != "cpu"))

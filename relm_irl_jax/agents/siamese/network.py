@@ -21,6 +21,13 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float32, Int32
 
 from relm_irl_jax.scenes.scene import ACTIONS
+from relm_irl_jax.types import Parameters
+
+DISTANCE = 2.0
+"""Size of the initial values, in units of the return scale, if they are distances."""
+
+DISTANCE_NOISE = 0.1
+"""Size of the random part of a head's first layer then, relative to He's distribution."""
 
 
 @jax.tree_util.register_dataclass
@@ -67,6 +74,7 @@ class SiameseActorCritic(nn.Module):
         observe_reward: whether the fusion layer also receives the predicted reward r(s, g).
         uniform: whether initial weights are uniform on ±1/√inputs, as in the original agent, instead of He's normal
             distribution with small weights for the policy.
+        distance: whether initial values are negative distances between z(s) U and z(g) U; see `as_distance`.
     """
 
     n_heads: int
@@ -74,6 +82,7 @@ class SiameseActorCritic(nn.Module):
     history: int = 1
     observe_reward: bool = False
     uniform: bool = False
+    distance: bool = False
 
     def setup(self) -> None:
         """Declare the layers."""
@@ -227,8 +236,51 @@ class SiameseActorCritic(nn.Module):
         fusion = half + tables.target[target]
         if tables.predicted_reward is not None:
             fusion += tables.predicted_reward[target, views[..., 0]][..., None] * self.fusion_reward
-        hidden = nn.relu(nn.relu(fusion) @ self.head_kernel[head] + self.head_bias[head])
+        return self._outputs(nn.relu(fusion), head)
+
+    def every_pair(
+        self, state_part: Float32[Array, "states width"], target_part: Float32[Array, "targets width"], head: int
+    ) -> Outputs:
+        """Policy and value of every pair of a state and a target of one scene.
+
+        Args:
+            state_part: rows of `Tables.fusion`.
+            target_part: rows of `Tables.target`.
+            head: head of the scene. Static.
+
+        Returns:
+            Action logits and values; the pairs of a state are consecutive.
+        """
+        fusion = nn.relu(state_part[:, None] + target_part)
+        outputs = self._outputs(fusion.reshape(1, -1, self.width), jnp.asarray([head], jnp.int32))
+        return Outputs(outputs.logits[0], outputs.value[0])
+
+    def _outputs(self, fusion: Float32[Array, "groups batch width"], head: Int32[Array, "groups"]) -> Outputs:
+        """The heads."""
+        hidden = nn.relu(fusion @ self.head_kernel[head] + self.head_bias[head])
         project = partial(jnp.einsum, "gbw,gow->gbo", hidden)
         logits = project(self.policy_kernel[head]) + self.policy_bias[head]
         value = project(self.value_kernel[head]) + self.value_bias[head]
         return Outputs(logits, value[..., 0])
+
+
+def as_distance(parameters: Parameters) -> Parameters:
+    """Initial weights that make values negative distances.
+
+        V = −U,   H = I + noise,   q = −DISTANCE / width:   value ≈ −DISTANCE · mean ReLU((z(s) − z(g)) U)
+
+    The order of views by their distance to a target is then learned by moving their embeddings, which all targets
+    share. From random weights the network must first find out that two views are to be compared.
+
+    Args:
+        parameters: He's initial weights.
+
+    Returns:
+        The weights.
+    """
+    layers = dict(parameters["params"])
+    noise = layers["head_kernel"]
+    layers["fusion_target"] = {"kernel": -layers["fusion_state"]["kernel"]}
+    layers["head_kernel"] = jnp.eye(noise.shape[-1]) + DISTANCE_NOISE * noise
+    layers["value_kernel"] = jnp.full_like(layers["value_kernel"], -DISTANCE / noise.shape[-1])
+    return {"params": layers}

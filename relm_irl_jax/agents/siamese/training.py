@@ -11,7 +11,7 @@ from jaxtyping import Int, PRNGKeyArray
 from relm_irl_jax.agents.rollout import EpisodeSums, NavigationTask, init_workers
 from relm_irl_jax.agents.settings import SiameseSettings
 from relm_irl_jax.agents.siamese.loss import LossWeights
-from relm_irl_jax.agents.siamese.network import SiameseActorCritic
+from relm_irl_jax.agents.siamese.network import SiameseActorCritic, as_distance
 from relm_irl_jax.agents.siamese.state_target_pairs import StateTargetPairs, state_target_pairs
 from relm_irl_jax.agents.siamese.update import (
     OptimizerNumbers,
@@ -65,7 +65,8 @@ def update_form(settings: SiameseSettings, n_heads: int) -> UpdateForm:
         Network, rollout length and kind of optimiser.
     """
     uniform = settings.initialisation == "uniform"
-    network = SiameseActorCritic(n_heads, settings.width, settings.history, settings.observe_reward, uniform)
+    distance = settings.initialisation == "distance"
+    network = SiameseActorCritic(n_heads, settings.width, settings.history, settings.observe_reward, uniform, distance)
     return UpdateForm(network, settings.t_max, settings.optimizer, settings.gradient)
 
 
@@ -155,13 +156,25 @@ def update_inputs(
     if problem.cap < settings.t_max:
         raise InputError(f"siamese.t_max: {settings.t_max} exceeds the cap of {problem.cap} steps; lower it.")
     task = NavigationTask(problem.world, problem.targets, target_range, problem.reward, jnp.int32(problem.cap))
-    loss = LossWeights(
+    return UpdateInputs(task, loss_weights(settings, problem.return_scale), optimizer_numbers(settings), pairs)
+
+
+def loss_weights(settings: SiameseSettings, return_scale: float) -> LossWeights:
+    """The numbers of the loss.
+
+    Args:
+        settings: the agent's settings.
+        return_scale: size of a typical return.
+
+    Returns:
+        The numbers.
+    """
+    return LossWeights(
         discount=jnp.float32(settings.discount),
         value=jnp.float32(settings.value_weight),
         entropy=jnp.float32(settings.entropy_weight),
-        return_scale=jnp.float32(problem.return_scale),
+        return_scale=jnp.float32(return_scale),
     )
-    return UpdateInputs(task, loss, optimizer_numbers(settings), pairs)
 
 
 def init_parameters(key: PRNGKeyArray, network: SiameseActorCritic, world: World) -> Parameters:
@@ -179,10 +192,8 @@ def init_parameters(key: PRNGKeyArray, network: SiameseActorCritic, world: World
     one = jnp.zeros((network.n_heads, 1), jnp.int32)
     views = jnp.zeros((network.n_heads, 1, network.history), jnp.int32)
     predicted = jnp.zeros((1, 1), jnp.float32) if network.observe_reward else None
-    return cast(
-        Parameters,
-        jax.jit(network.init)(key, world.features[:1], jnp.zeros(1, jnp.int32), views, one, heads, predicted),
-    )
+    drawn = jax.jit(network.init)(key, world.features[:1], jnp.zeros(1, jnp.int32), views, one, heads, predicted)
+    return as_distance(cast(Parameters, drawn)) if network.distance else cast(Parameters, drawn)
 
 
 def prepare_training(

@@ -12,14 +12,7 @@ from relm_irl_jax.agents.map.geometry import RADIUS
 from relm_irl_jax.agents.map.loss import initial_parameters, prefix_lengths
 from relm_irl_jax.agents.map.network import VIEW, MapNetwork
 from relm_irl_jax.agents.map.rooms import room_from_graph, to_room
-from relm_irl_jax.agents.map.training_rooms import (
-    FIRST_ROOM,
-    LAST_ROOM,
-    GeneratedRooms,
-    GivenRooms,
-    check_training_rooms,
-    training_numbers,
-)
+from relm_irl_jax.agents.map.training_rooms import GeneratedRooms, GivenRooms
 from relm_irl_jax.agents.map.walks import draw_walks, relative_pose
 from relm_irl_jax.agents.map.weights import load_weights, save_weights
 from relm_irl_jax.agents.settings import MapSettings
@@ -27,6 +20,7 @@ from relm_irl_jax.agents.training import Chunks
 from relm_irl_jax.config import Config
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.files import save_arrays
+from relm_irl_jax.scenes.rooms.training_rooms import training_numbers
 from relm_irl_jax.scenes.scene import successors
 from relm_irl_jax.stages.make_agent import check_agent
 from relm_irl_jax.types import TrainingLog
@@ -40,17 +34,6 @@ def scene():
     colour = generator.integers(0, 255, (bare.n_states, 1, 1, 3))
     noise = generator.integers(-40, 40, (bare.n_states, VIEW, VIEW, 3))
     return replace(bare, observation=np.clip(colour + noise, 0, 255).astype(np.uint8))
-
-
-def test_training_rooms_are_apart_from_every_room_of_a_task():
-    numbers = [number for _, number in training_numbers(3 * (LAST_ROOM - FIRST_ROOM + 1))]
-    assert min(numbers) >= 100
-    assert max(numbers) < 10000
-    for forbidden in (0, 4, 99, 999, 10000, 123456):
-        with pytest.raises(InputError, match="kept for evaluation"):
-            check_training_rooms([FIRST_ROOM, forbidden])
-    with pytest.raises(InputError, match="kept for evaluation"):
-        training_numbers(3 * (LAST_ROOM - FIRST_ROOM + 2))
 
 
 def test_poses_seen_from_another_pose():

@@ -1,0 +1,1 @@
+"""Training of the small encoder on labelled scenes."""
