@@ -245,6 +245,23 @@ def load_arrays(path: Path) -> dict[str, np.ndarray]:
     return load_arrays_and_metadata(path)[0]
 
 
+def load_metadata(path: Path) -> dict[str, str]:
+    """Read the strings of a file of arrays, without its arrays and without checking it.
+
+    Args:
+        path: a safetensors file.
+
+    Returns:
+        Strings by name; none if there are none, or the file is missing or damaged.
+    """
+    try:
+        with safe_open(str(path), framework="numpy") as file:
+            metadata = dict(file.metadata() or {})
+        return metadata if _CONTENTS not in metadata else dict(json.loads(metadata[_CONTENTS])["strings"])
+    except (SafetensorError, OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError):
+        return {}
+
+
 def load_arrays_and_metadata(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str]]:
     """Read arrays and the strings stored with them.
 

@@ -104,8 +104,8 @@ def test_a_room_that_is_removed_while_it_is_read_is_generated(tmp_path, room, mo
 def test_a_flipped_bit_of_features_means_encoding_again(tmp_path_factory, share, bit):
     folder = tmp_path_factory.mktemp("cache")
     views = np.zeros((1, 4, 4, 3), np.uint8)
-    features = np.arange(features_cache.N_FEATURES, dtype=np.float32)[None]
-    encoder = Encoder({}, "by hand", "0", 4)
+    features = np.arange(2048, dtype=np.float32)[None]
+    encoder = Encoder("resnet50", {}, "by hand", "0", 4)
     with pytest.MonkeyPatch.context() as patch:
         encoded = []
         patch.setattr(features_cache, "encode", lambda *_: encoded.append(1) or features)

@@ -34,19 +34,17 @@ class SiameseSettings:
     """Which scenes share the last hidden layer, the policy and the value. The original agent has a head for each scene
     (`scene`), and therefore no head for scenes that were not trained."""
     workers: PositiveInt = 512
-    """Workers that step in lockstep, divided evenly among the heads. More workers run more frames per second, but the
-    hand-made reward then needs more frames to discover the farthest targets: 5M with 512 workers."""
+    """Workers that step in lockstep, divided evenly among the heads. More of them run more frames per second, but the
+    hand-made reward then needs more frames."""
     t_max: PositiveInt = 20
-    """Steps of each worker in an update (the paper's t_max). If an update has more frames than there are pairs of a
-    state and a target, additional frames take no more time; but fewer updates learn less."""
+    """Steps of each worker in an update (the paper's t_max)."""
     discount: Discount = 0.99
     """Discount factor of the return."""
     optimizer: Literal["adam", "rmsprop"] = "adam"
     """Adam, or the original agent's RMSProp, with decay 0.99, 0.1 inside the root and an initial mean square of 1,
     which is close to gradient descent."""
     gradient: Literal["mean", "sum"] = "mean"
-    """Mean or sum of the gradients of all workers' steps. In the original agent, each worker applies the sum over its
-    t_max steps; `sum` gives the same total step when all workers update together. Adam does not depend on the scale."""
+    """Mean or sum of the gradients of all workers' steps. `sum` is the original agent's; Adam does not depend on it."""
     learning_rate: PositiveFloat = 1e-3
     """Step size."""
     decay_frames: Frames | None = None
@@ -57,29 +55,25 @@ class SiameseSettings:
     """Weight of the squared value error, relative to the policy loss."""
     entropy_weight: NonNegativeFloat = 0.03
     """Weight of the policy's entropy. With 0.01 and the hand-made reward, targets in the largest rooms are not
-    discovered, since the agent first learns to turn in place, which avoids collisions (success 0.89 after 3M frames;
-    1.00 with 0.03)."""
+    discovered (success 0.89 after 3M frames; 1.00 with 0.03)."""
     imagine: Literal["none", "told", "reward-alone"] = "none"
     """Whether the agent also trains on imagined targets, views of the training scenes that no task evaluates on.
     `told`: the simulator ends an episode at an imagined view; RL, ELM-IRL, RELM-IRL and the control with a constant
-    cost use them. `reward-alone`: nothing tells of the arrival at any target, only the predicted reward of ELM-IRL and
-    RELM-IRL does. All other methods train on the given targets, and are told."""
+    cost use them. `reward-alone`: only the predicted reward of ELM-IRL and RELM-IRL tells of arrivals. All other
+    methods train on the given targets, and are told."""
     imagined_targets: PositiveInt = 1000
     """Largest number of imagined targets of each scene."""
     targets_at_once: PositiveInt = 4
     """Targets of each scene in an update, which evaluates each of them with all states."""
     given_share: UnitInterval = 0.1
-    """Share of given targets among the targets of an update. Given targets that are drawn much more often than others
-    attract agents that look for a view near them."""
+    """Share of given targets among those of an update. If they are drawn much more often, they attract agents that look
+    for a view near them."""
     near_starts: UnitInterval = 0.5
-    """Share of episodes with imagined targets that start a random walk away from the target; the others start
-    anywhere."""
+    """Share of episodes with imagined targets that start a random walk away from the target."""
     cost_limit: PositiveFloat = 0.05
-    """With `reward-alone`, the predicted cost above which costs are equal, as a share of r_max. Small ones make states
-    that merely resemble the target as bad as all others."""
+    """With `reward-alone`, the predicted cost above which costs are equal, as a share of r_max."""
     seeds_at_once: Literal["auto", "always", "never"] = "auto"
-    """Whether all seeds of a method train in one program. `auto` does so on a single accelerator, which trains several
-    seeds in little more time than one. A CPU would not be faster; several devices share the workers of one seed."""
+    """Whether all seeds of a method train in one program. `auto` does so on a single accelerator."""
 
 
 @dataclass(frozen=True)

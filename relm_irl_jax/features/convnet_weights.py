@@ -6,11 +6,10 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from safetensors import SafetensorError, safe_open
 
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.features.convnet import LAYERS, PATCH_SIZES, WIDTHS
-from relm_irl_jax.files import load_arrays_and_metadata, save_arrays
+from relm_irl_jax.files import load_arrays_and_metadata, load_metadata, save_arrays
 
 NETWORK = "convnet-1"
 """Name of the network in a file's metadata; to be changed with the network."""
@@ -50,11 +49,7 @@ def is_convnet(path: Path) -> bool:
     Args:
         path: a file; any other file, or none, gives False.
     """
-    try:
-        with safe_open(str(path), "np") as file:
-            return "network" in (file.metadata() or {})
-    except (OSError, SafetensorError):
-        return False
+    return "network" in load_metadata(path)
 
 
 def load_convnet(path: Path) -> tuple[dict[str, dict[str, np.ndarray]], dict[str, str]]:

@@ -88,7 +88,7 @@ def test_the_views_of_one_scene_at_a_time_are_in_memory(tmp_path, monkeypatch):
 
     monkeypatch.setattr(selection, "load_scene", read)
     monkeypatch.setattr(encoding, "encode_scene", features)
-    monkeypatch.setattr(encoding, "make_encoder", lambda settings, views: Encoder({}, "pixels", "", 8))
+    monkeypatch.setattr(encoding, "make_encoder", lambda settings, views: Encoder("resnet50", {}, "pixels", "", 8))
     config = replace(CONFIG, scenes=str(tmp_path), scene=replace(CONFIG.scene, training_per_type=4))
     training = encoding.encode_training(config)
     assert len(alive) == 2 * len(training.scenes) == 8
