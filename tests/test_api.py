@@ -184,7 +184,7 @@ def test_a_trained_agent_is_evaluated_on_its_own_seeds():
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        ({"reward": "rml"}, "give one of bc, rl, irl"),
+        ({"reward": "rml"}, "give one of bc, rl, constant, irl"),
         ({"agent": "metric", "reward": distance_reward}, "plans with costs of states"),
         ({"agent": "map", "reward": distance_reward}, "map takes rooms or a folder"),
         ({"frames": "many"}, "frames"),

@@ -173,7 +173,7 @@ class Turner:
         self.seed = seed
 
     def __call__(self, observation):
-        assert observation["view"].shape[1:] == observation["target"].shape[1:] == (32, 32, 3)
+        assert observation["view"].shape[1:] == observation["target"].shape[1:] == (64, 64, 3)
         return np.ones(len(observation["view"]), int)
 
 def forward(observation):
