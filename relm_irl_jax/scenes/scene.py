@@ -181,3 +181,17 @@ def successors(graph: Int[np.ndarray, "states 4"]) -> Int32[np.ndarray, "states 
         Next state for each action; every entry is a state.
     """
     return np.where(graph == COLLISION, np.arange(len(graph), dtype=np.int32)[:, None], graph).astype(np.int32)
+
+
+def grid_poses(scene: Scene) -> Int32[np.ndarray, "states 3"]:
+    """Poses in right angles and steps of the grid.
+
+    Args:
+        scene: a scene whose states lie on a grid.
+
+    Returns:
+        Heading, z and x of each state; z and x count from the scene's corner.
+    """
+    cells = np.rint((scene.location - scene.location.min(0)) / GRID_STEP).astype(np.int32)
+    heading = np.rint(scene.rotation / 90).astype(np.int32) % 4
+    return np.stack([heading, cells[:, 1], cells[:, 0]], 1)

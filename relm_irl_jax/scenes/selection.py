@@ -1,7 +1,7 @@
 """Selection of the training scenes and of the unseen scenes of Task III: built-in rooms or a folder of scene files."""
 
 from collections import defaultdict
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Literal, NamedTuple, Protocol, runtime_checkable
 
@@ -19,7 +19,6 @@ require_views = deferred("relm_irl_jax.scenes.scene_file", "require_views")
 
 ROOMS = "rooms"
 """Value of the setting `scenes` that selects the built-in rooms instead of a folder."""
-
 
 SHOWN_SIZE = 224
 """Rows and columns of the views of built-in rooms that are shown to people, by default."""
@@ -128,10 +127,16 @@ def scene_to_show(scenes: str, settings: SceneSettings, name: str) -> Scene:
     if scenes == ROOMS:
         room_type, number = name.rsplit("-", 1)
         return built_in_room(room_type, int(number), size=settings.size, image_size=settings.image_size or SHOWN_SIZE)
-    for path in scene_files(Path(scenes)):
-        if load_scene(path, views=False).name == name:
-            return load_scene(path)
-    raise InputError(f"scenes: {scenes} contains no scene {name} any more; restore its file.")
+    paths = _paths_by_name(tuple(scene_files(Path(scenes))))
+    if name not in paths:
+        raise InputError(f"scenes: {scenes} contains no scene {name} any more; restore its file.")
+    return load_scene(paths[name])
+
+
+@lru_cache(maxsize=1)
+def _paths_by_name(paths: tuple[Path, ...]) -> dict[str, Path]:
+    """File of each scene; every file is read once, however many scenes are shown."""
+    return {load_scene(path, views=False).name: path for path in paths}
 
 
 def check_scenes_setting(scenes: str) -> None:

@@ -11,7 +11,7 @@ from jaxtyping import Int, Int32, UInt8
 from relm_irl_jax.agents.map.geometry import FORWARD, RADIUS
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.scenes.objects import best_views
-from relm_irl_jax.scenes.scene import COLLISION, GRID_STEP, Scene, shortest_path_distances, successors
+from relm_irl_jax.scenes.scene import COLLISION, Scene, grid_poses, shortest_path_distances, successors
 
 
 @dataclass(frozen=True)
@@ -47,12 +47,11 @@ def to_room(scene: Scene) -> Room:
     Raises:
         InputError: the scene has no views, or is too large.
     """
-    cells = np.rint((scene.location - scene.location.min(0)) / GRID_STEP).astype(np.int32)
-    _check_extent(scene.name, cells)
-    heading = np.rint(scene.rotation / 90).astype(np.int32) % 4
+    pose = grid_poses(scene)
+    _check_extent(scene.name, pose[:, 1:])
     return Room(
         views=scene.views,
-        pose=np.stack([heading, cells[:, 1], cells[:, 0]], 1),
+        pose=pose,
         successor=successors(scene.graph),
         distance=scene.shortest_path_distance,
         best=np.array(sorted(set(best_views(scene).values())), np.int32),

@@ -17,7 +17,7 @@ from relm_irl_jax.errors import InputError
 from relm_irl_jax.features.convnet import VIEW
 from relm_irl_jax.features.encoder import crop_and_scale
 from relm_irl_jax.scenes.objects import MINIMUM_SHARE
-from relm_irl_jax.scenes.scene import COLLISION, GRID_STEP, UNREACHABLE, Scene, successors
+from relm_irl_jax.scenes.scene import COLLISION, GRID_STEP, UNREACHABLE, Scene, grid_poses, successors
 
 MAX_FREE = 8
 """Free steps are counted up to this number."""
@@ -99,13 +99,12 @@ def label_scene(scene: Scene, categories: Sequence[str]) -> LabelledScene:
         for column, category in enumerate(scene.categories):
             if category in categories:
                 share[:, categories.index(category)] = scene.visible_object[:, column]
-    heading = np.rint(scene.rotation / 90).astype(np.int32) % 4
     return LabelledScene(
         views=small_views(scene.views),
         share=share,
         labelled=scene.visible_object is not None,
         free=free_steps(scene),
-        pose=np.stack([heading, *np.rint(cells[:, ::-1]).astype(np.int32).T], 1),
+        pose=grid_poses(scene),
         successor=successors(scene.graph),
         distance=scene.shortest_path_distance,
     )
