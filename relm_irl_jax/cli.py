@@ -40,6 +40,7 @@ agent_recordings = deferred("relm_irl_jax.stages.recordings", "agent_recordings"
 save_demonstrations = deferred("relm_irl_jax.demonstrations", "save_demonstrations")
 export_scenes = deferred("relm_irl_jax.scenes.recording.export", "export_scenes")
 export_table = deferred("relm_irl_jax.scenes.recording.export", "export_table")
+finding = deferred("relm_irl_jax.report.finding", "finding")
 find_run = deferred("relm_irl_jax.run_config", "find_run")
 generate_room = deferred("relm_irl_jax.scenes.rooms.generate", "generate_room")
 load_config = deferred("relm_irl_jax.config", "load_config")
@@ -320,4 +321,5 @@ def _pop_option(arguments: list[str], option: str, kind: str, remedy: str) -> tu
 def _show(results: "Results", folder: Path) -> None:
     console = _console()
     console.print(console_table(results))
+    console.print(" ".join(finding(results)), highlight=False)
     console.print(f"Report: {folder / 'report.html'}", highlight=False, soft_wrap=True)

@@ -6,7 +6,7 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import Field, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
@@ -17,12 +17,13 @@ from relm_irl_jax.cluster import ClusterSettings
 from relm_irl_jax.errors import InputError, first_fault
 from relm_irl_jax.features.settings import EncoderSettings, settings_for
 from relm_irl_jax.frames import Frames
-from relm_irl_jax.results import Method, Task
+from relm_irl_jax.results import BESIDE, Method, Task
 from relm_irl_jax.rewards.settings import ElmSettings, GoalSettings, IrlSettings, ManualSettings
 from relm_irl_jax.scenes.selection import ROOMS, SceneSettings
 from relm_irl_jax.tasks import EvaluationSettings, TaskSettings
 
 AgentName = Literal["siamese", "metric", "map"]
+BesideName = Literal["metric", "map"]
 METHODS: tuple[Method, ...] = ("random", "bc", "rl", "constant", "irl", "elm-irl", "relm-irl")
 """Every method, in the order of the tables. `constant` is the control of learned rewards: every step costs the same."""
 
@@ -32,7 +33,10 @@ PAPER_METHODS: tuple[Method, ...] = ("random", "rl", "irl", "elm-irl", "relm-irl
 MAP_METHODS: tuple[Method, ...] = ("random", "rl")
 """What `all` means for the mapping agent, which plans with equal costs of all steps and learns no reward."""
 
-NOT_TRAINED = ("task", "methods", "seeds", "run", "evaluation", "cluster", "log")
+MAP_EPISODES_BESIDE = 200
+"""Most episodes of the mapping agent in each scene, where it is evaluated beside another agent."""
+
+NOT_TRAINED = ("task", "methods", "seeds", "run", "beside", "evaluation", "cluster", "log")
 """Fields on which trained agents do not depend; a run can only be continued if all others are unchanged."""
 
 
@@ -69,9 +73,13 @@ class Config:
     """Extreme learning machine."""
     goals: GoalSettings = GoalSettings()
     """Goals of hindsight relabelling, for agents that use it."""
-    agent: AgentName = "siamese"
+    agent: Literal["all"] | AgentName = "all"
     """`siamese` for the paper's actor-critic, `metric` for the agent that learns distances between views, `map` for the
-    agent that draws a map while it searches."""
+    agent that draws a map while it searches. `all` means siamese, and with all methods on the built-in rooms the two
+    other agents beside it."""
+    beside: tuple[BesideName, ...] = ()
+    """Other agents in the same tables: metric, trained with RELM-IRL's reward, and map, which learns no reward. Each
+    has a run of its own in the sub-folder of its name."""
     siamese: SiameseSettings = SiameseSettings()
     """The paper's agent."""
     metric: MetricSettings = MetricSettings()
@@ -94,7 +102,28 @@ class Config:
     @property
     def training_frames(self) -> int:
         """Training frames for each method and seed."""
-        return FRAMES[self.agent] if self.frames is None else self.frames
+        return FRAMES[self.trained_agent] if self.frames is None else self.frames
+
+    @property
+    def trained_agent(self) -> AgentName:
+        """The agent that the methods train."""
+        return "siamese" if self.agent == "all" else self.agent
+
+    def of_agent_beside(self, agent: BesideName) -> "Config":
+        """The configuration of the run of an agent that is evaluated beside this configuration's.
+
+        Args:
+            agent: the agent.
+
+        Returns:
+            The configuration, with no more frames than that agent's runs have by default, and fewer episodes of the
+            mapping agent, which takes milliseconds to decide; the run folder is not set.
+        """
+        frames, evaluation = min(self.training_frames, FRAMES[agent]), self.evaluation
+        if agent == "map":
+            evaluation = replace(evaluation, episodes=min(evaluation.episodes, MAP_EPISODES_BESIDE))
+        settings = {"agent": agent, "methods": (BESIDE[agent],), "frames": frames, "evaluation": evaluation}
+        return replace(self, **settings, beside=(), run=None)
 
     def resolved(self) -> "Config":
         """The same configuration with every default that depends on other fields in place of None or `auto`."""
@@ -102,7 +131,15 @@ class Config:
         if weights == "auto":
             weights = "package" if self.scenes == ROOMS else "train"
         encoder = settings_for(self.encoder, built_in=self.scenes == ROOMS)
-        return replace(self, frames=self.training_frames, map=replace(self.map, weights=weights), encoder=encoder)
+        every = self.agent == "all" and "all" in self.methods and self.scenes == ROOMS and self.cluster.processes == 1
+        return replace(
+            self,
+            agent=self.trained_agent,
+            beside=get_args(BesideName) if every else self.beside,
+            frames=self.training_frames,
+            map=replace(self.map, weights=weights),
+            encoder=encoder,
+        )
 
 
 _ADAPTER = TypeAdapter(Config)

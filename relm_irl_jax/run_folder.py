@@ -14,6 +14,7 @@
     episodes/TASK.safetensors             one episode in a scene of each room type
     results-TASK.json, results.json       metrics of each task, and of the task evaluated last
     entries/TASK/NAME.json                rows of other programs, which evaluations add to their own
+    metric/, map/                         runs of other agents, whose rows are in the same tables
     tables/                               the report's tables as CSV
     figures/                              the report's figures as PNG, and their data as CSV
     report.html, report.md                the report
@@ -91,6 +92,10 @@ class RunFolder:
     def entries(self, task: str) -> list[Path]:
         """Paths of other programs' metrics of a task."""
         return sorted((self.path / "entries" / task).glob("*.json"))
+
+    def beside(self, agent: str) -> "RunFolder":
+        """Folder of the run of another agent, whose rows are in the same tables."""
+        return RunFolder(self.path / agent)
 
     def reward_map(self, targets: str, room_type: str) -> Path:
         """Path of the rewards of a room's states for a `trained` or a `new` target."""

@@ -11,8 +11,10 @@ METHOD_NAMES = {
     "irl": "IRL",
     "elm-irl": "ELM-IRL",
     "relm-irl": "RELM-IRL",
+    "metric relm-irl": "RELM-IRL, metric agent",
+    "map rl": "Mapping agent, no learned reward",
 }
-"""Methods in the order of the tables."""
+"""Methods in the order of the tables, then the names of agents beside the run's own."""
 
 METRIC_NAMES = {"ple": "PLE ↓", "sr": "SR ↑", "spl": "SPL ↑"}
 """Metrics in the order of the tables; the arrow shows whether larger or smaller is better."""
@@ -31,6 +33,9 @@ TASK_NAMES = {
     "III": "similar targets in unseen scenes",
 }
 """Descriptions of the tasks."""
+
+TARGETS_OF_TASK = {"I": "the trained targets", "II": "the new targets", "III": "the targets in unseen scenes"}
+"""Targets of the tasks, for sentences."""
 
 
 MARKUP = re.compile(r"[\\`*\[\]<>|&~$]|(?<!\w)_|_(?!\w)|:(?=//)|@|(?<=www)\.|(?<=^)[#+=-]|!(?=\[)", re.IGNORECASE)

@@ -22,7 +22,7 @@ from relm_irl_jax.report.learning_curves import TrainingCurve, band_columns, lea
 from relm_irl_jax.report.maps import distance_caption, distance_figure, map_columns, reward_caption, reward_figure
 from relm_irl_jax.report.names import heading
 from relm_irl_jax.report.tables import columns_of, interval_of, methods_of, seeds_of
-from relm_irl_jax.results import LEARNED, OWN, PREDICTED, Results, RewardQualityRow, Task, load_reward_quality
+from relm_irl_jax.results import LEARNED, PREDICTED, Results, RewardQualityRow, Task, is_of_run, load_reward_quality
 from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.saved_maps import StateMap, load_episodes, load_map
 
@@ -49,7 +49,7 @@ class RunData:
     @property
     def trained(self) -> dict[str, list[int]]:
         """The seeds of each method that was trained in this run."""
-        rows = [row for results in self.results.values() for row in results.rows if row.agent != OWN]
+        rows = [row for results in self.results.values() for row in results.rows if is_of_run(row)]
         return {method: seeds_of([row for row in rows if row.method == method]) for method in methods_of(rows)}
 
     @property
@@ -60,7 +60,8 @@ class RunData:
     @property
     def agent(self) -> str:
         """The agent of the results; empty if there is none but Random."""
-        agents = {row.agent for results in self.results.values() for row in results.rows} - {"random", OWN}
+        rows = [row for results in self.results.values() for row in results.rows if is_of_run(row)]
+        agents = {row.agent for row in rows} - {"random"}
         return min(agents, default="")
 
     @property

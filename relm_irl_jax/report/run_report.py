@@ -17,6 +17,7 @@ from relm_irl_jax.report.comparison import (
     statement,
 )
 from relm_irl_jax.report.figures import DrawnFigure
+from relm_irl_jax.report.finding import finding
 from relm_irl_jax.report.html import render_page
 from relm_irl_jax.report.learning_curves import success_columns, success_table
 from relm_irl_jax.report.names import AGENT_NAMES, TASK_NAMES, as_code, as_message, as_text, listed
@@ -30,11 +31,20 @@ from relm_irl_jax.report.run_figures import (
 )
 from relm_irl_jax.report.run_settings import RunSettings, load_run_settings
 from relm_irl_jax.report.tables import markdown_table, quality_table, table_columns
-from relm_irl_jax.results import OWN, load_all_results
+from relm_irl_jax.results import BESIDE_NAMES, OWN, Results, load_all_results
 from relm_irl_jax.run_folder import RunFolder
 
 BUILT_IN = "rooms"
 """Value of the setting `scenes` for the built-in rooms, repeated here so that the report imports no scene sources."""
+
+
+IMAGINED = {
+    "none": "",
+    "told": ", which also trains on imagined targets and is told of arrivals there (IRL: on the given targets alone)",
+    "reward-alone": ", which with ELM-IRL and RELM-IRL also trains on imagined targets, of which nothing but the "
+    "predicted reward tells (RL and IRL: on the given targets alone, and told of arrivals)",
+}
+"""What a training on imagined targets is, as a part of a sentence."""
 
 
 def write_report(folder: RunFolder) -> Path:
@@ -144,7 +154,7 @@ def _summary(settings: RunSettings, data: RunData) -> list[str]:
         "metric": f" (hindsight: {as_text(settings.hindsight)})",
         "map": f" (memory at the start: {as_text(settings.map_memory)})",
     }
-    agent = f"{as_text(settings.agent)} agent{detail.get(settings.agent, '')}"
+    agent = f"{as_text(settings.agent)} agent{detail.get(settings.agent, '')}{IMAGINED[settings.imagined]}"
     actions = "drawn from the policy" if settings.policy == "sample" else "of highest probability"
     uniform = "" if settings.new_targets == "paper" else ", Task II's targets drawn uniformly"
     return [
@@ -157,13 +167,18 @@ def _summary(settings: RunSettings, data: RunData) -> list[str]:
 def _tasks(data: RunData, heading: str) -> list[str]:
     """A section for each task."""
     interval = ", ± half of its 95% interval over seeds (Student's t)" if len(data.seeds) > 1 else ""
-    bold = " Bold: the best method, if its interval does not overlap any other." if len(data.seeds) > 1 else ""
+    bold = (
+        " Bold: the best method of the agent, if its interval does not overlap any other."
+        if len(data.seeds) > 1
+        else ""
+    )
     text = []
     for number, (task, results) in enumerate(data.results.items()):
         write_table(data.folder.table(f"task-{task}"), table_columns(results))
         table = {"I": 1, "II": 2, "III": 3}[task]
-        text += [f"{heading} Task {task}: {TASK_NAMES[task]} (the paper's Table {table})", "", markdown_table(results)]
-        text.append("")
+        text += [f"{heading} Task {task}: {TASK_NAMES[task]} (the paper's Table {table})", ""]
+        text += [as_text(" ".join(finding(results))), "", markdown_table(results), ""]
+        text += _agents_beside(results, data)
         own = sorted({row.method for row in results.rows if row.agent == OWN})
         if own:
             verb = "is" if len(own) == 1 else "are"
@@ -179,6 +194,15 @@ def _tasks(data: RunData, heading: str) -> list[str]:
                 "",
             ]
     return text
+
+
+def _agents_beside(results: Results, data: RunData) -> list[str]:
+    """What the agents beside the run's own are, and the files of their reports."""
+    agents = [agent for name, agent in BESIDE_NAMES.items() if any(row.method == name for row in results.rows)]
+    pages = [data.folder.beside(agent).path / "report.html" for agent in agents]
+    files = [as_code(page.relative_to(data.folder.path).as_posix()) for page in pages]
+    described = [f"{agent} is {AGENT_NAMES[agent]}" for agent in agents]
+    return [f"Agents beside the paper's: {'; '.join(described)}. Their reports: {listed(files)}.", ""] if agents else []
 
 
 def _differences(data: RunData, heading: str, *, worded: bool) -> list[str]:
