@@ -109,7 +109,7 @@ $(DOCS_STAMP):
 	@rm -f $(DOCS)/.ready-* && touch $@
 
 docs: $(DOCS_STAMP)  ## Build the documentation site, site/index.html. [ARGS]
-	@NO_MKDOCS_2_WARNING=1 $(DOCS)/bin/python -m mkdocs build --strict --clean --quiet $(ARGS)
+	@NO_MKDOCS_2_WARNING=1 $(DOCS)/bin/python -m mkdocs build --strict --clean $(ARGS)
 	@echo "Documentation: site/index.html"
 
 LOCK := --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-emit-find-links --no-annotate \
