@@ -131,6 +131,29 @@ def recorded_demonstrations(
     return recorded
 
 
+def describe_recorded(scenes: Sequence[Scene], split: TaskSplit, path: Path) -> str:
+    """One sentence on what a file of demonstrations is used for.
+
+    Args:
+        scenes: training scenes.
+        split: the targets.
+        path: the file.
+
+    Returns:
+        The sentence, with numbers of demonstrations and of targets.
+
+    Raises:
+        InputError: see `recorded_demonstrations`.
+    """
+    recorded = recorded_demonstrations(scenes, split, path)
+    total = sum(map(len, load_demonstrations_by_scene(path, scenes)))
+    used, without = sum(map(len, recorded.values())), len(split.training) - len(recorded)
+    return (
+        f"{path}: {used} of {total} demonstrations lead to {len(recorded)} of {len(split.training)} training targets "
+        f"and are used; the shortest-path expert demonstrates the other {without} targets."
+    )
+
+
 def learn_demonstrated_rewards(
     scenes: Sequence[Scene],
     split: TaskSplit,

@@ -8,8 +8,10 @@ from relm_irl_jax.config import Config, Method
 from relm_irl_jax.elm import load_elm, save_elm
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.files import load_arrays, save_arrays, write_table
+from relm_irl_jax.progress import console
 from relm_irl_jax.results import PREDICTED, RewardQualityRow, save_reward_quality
 from relm_irl_jax.rewards.basis import RewardBasis
+from relm_irl_jax.rewards.demonstrated import describe_recorded
 from relm_irl_jax.rewards.equation import form_of, linear_reward
 from relm_irl_jax.rewards.learned import LearnedRewards, learn_rewards
 from relm_irl_jax.rewards.predicted import RewardPredictor
@@ -32,7 +34,22 @@ def learn(config: Config, scenes: Sequence[Scene], split: TaskSplit, seed: int) 
     Returns:
         The learned rewards.
     """
+    announce_recorded(config, scenes, split, seed)
     return learn_rewards(scenes, split, config.irl, config.elm, seed)
+
+
+def announce_recorded(config: Config, scenes: Sequence[Scene], split: TaskSplit, seed: int) -> None:
+    """Print on standard error what recorded demonstrations are used for, if there are some.
+
+    Args:
+        config: the configuration.
+        scenes: training scenes.
+        split: the targets of all tasks.
+        seed: the run's seed.
+    """
+    if config.irl.demonstrations is not None:
+        used = describe_recorded(scenes, split, config.irl.demonstrations)
+        console.print(f"Seed {seed}: {used}", highlight=False, soft_wrap=True)
 
 
 def save_rewards(
