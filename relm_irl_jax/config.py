@@ -246,16 +246,18 @@ def trained_part(config: Config) -> dict[str, Any]:
     return {k: v for k, v in _flat(config_to_dict(config), "").items() if k.split(".")[0] not in NOT_TRAINED}
 
 
-def fingerprint(config: Config) -> str:
+def fingerprint(config: Config, recorded: str = "") -> str:
     """Eight hexadecimal digits of a checksum of the fields on which trained agents depend.
 
     Args:
         config: the configuration.
+        recorded: checksum of the recorded demonstrations, if there are some.
 
     Returns:
         The digits.
     """
-    return hashlib.sha256(json.dumps(trained_part(config), sort_keys=True).encode()).hexdigest()[:8]
+    described = json.dumps(trained_part(config), sort_keys=True) + recorded
+    return hashlib.sha256(described.encode()).hexdigest()[:8]
 
 
 def _flat(nested: dict[str, Any], prefix: str) -> dict[str, Any]:

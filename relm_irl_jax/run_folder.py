@@ -4,6 +4,7 @@
     .lock                                 held by the process that writes to the folder
     hardware.json                         the computer, and the duration of each stage
     encoder.json                          name and checksum of the encoder
+    demonstrations.json                   name and checksum of the file of recorded demonstrations, if there is one
     agents/METHOD-seed-S.safetensors      network weights
     curves/METHOD-seed-S.csv              the learning curve
     checkpoints/METHOD-seed-S/            state of a running training (Orbax); removed when it is finished
@@ -55,6 +56,11 @@ class RunFolder:
     def encoder(self) -> Path:
         """Path of the name and the checksum of the encoder that the agents were trained with."""
         return self.path / "encoder.json"
+
+    @property
+    def demonstrations(self) -> Path:
+        """Path of the name and the checksum of the recorded demonstrations that the rewards were learned from."""
+        return self.path / "demonstrations.json"
 
     def agent(self, method: str, seed: int) -> Path:
         """Path of a trained network."""

@@ -22,7 +22,7 @@ from relm_irl_jax.rewards.predicted import RewardPredictor
 from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.stages.make_agent import make_agent, trains
-from relm_irl_jax.stages.rewards import make_predictor
+from relm_irl_jax.stages.rewards import announce_recorded, make_predictor
 from relm_irl_jax.stages.training_log import RunFolderLog
 from relm_irl_jax.stages.worlds import standardised_world, with_predicted_reward
 from relm_irl_jax.tasks import TaskSplit
@@ -174,6 +174,8 @@ def demonstrations_of(config: Config, inputs: SeedInputs) -> Demonstrations:
     Returns:
         The decisions of all demonstrations of the training targets.
     """
+    if inputs.learned is None:  # otherwise said when the rewards were learned
+        announce_recorded(config, inputs.scenes, inputs.split, inputs.seed)
     demonstrated = demonstrate_targets(inputs.scenes, inputs.split, config.irl, inputs.seed)
     offsets = scene_offsets(inputs.scenes)
     state, target, action, step = [], [], [], []
