@@ -11,7 +11,14 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
-from relm_irl_jax.agents.settings import FRAMES, LogSettings, MapSettings, MetricSettings, SiameseSettings
+from relm_irl_jax.agents.settings import (
+    FRAMES,
+    LogSettings,
+    MapSettings,
+    MetricSettings,
+    RecurrentSettings,
+    SiameseSettings,
+)
 from relm_irl_jax.bounds import PositiveInt
 from relm_irl_jax.cluster import ClusterSettings
 from relm_irl_jax.errors import InputError, first_fault
@@ -22,7 +29,7 @@ from relm_irl_jax.rewards.settings import ElmSettings, GoalSettings, IrlSettings
 from relm_irl_jax.scenes.selection import ROOMS, SceneSettings
 from relm_irl_jax.tasks import EvaluationSettings, TaskSettings
 
-AgentName = Literal["siamese", "metric", "map"]
+AgentName = Literal["siamese", "metric", "map", "recurrent"]
 METHODS: tuple[Method, ...] = ("random", "bc", "rl", "constant", "irl", "elm-irl", "relm-irl")
 """Every method, in the order of the tables. `constant` is the control of learned rewards: every step costs the same."""
 
@@ -71,13 +78,15 @@ class Config:
     """Goals of hindsight relabelling, for agents that use it."""
     agent: AgentName = "siamese"
     """`siamese` for the paper's actor-critic, `metric` for the agent that learns distances between views, `map` for the
-    agent that draws a map while it searches."""
+    agent that draws a map while it searches, `recurrent` for the paper's network with recurrent memory."""
     siamese: SiameseSettings = SiameseSettings()
     """The paper's agent."""
     metric: MetricSettings = MetricSettings()
     """The metric agent."""
     map: MapSettings = MapSettings()
     """The mapping agent."""
+    recurrent: RecurrentSettings = RecurrentSettings()
+    """The recurrent agent."""
     evaluation: EvaluationSettings = EvaluationSettings()
     """Evaluation."""
     log: LogSettings = LogSettings()
