@@ -11,7 +11,14 @@ from typing import Annotated, Any, Literal, get_args
 from pydantic import Field, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
-from relm_irl_jax.agents.settings import FRAMES, LogSettings, MapSettings, MetricSettings, SiameseSettings
+from relm_irl_jax.agents.settings import (
+    FRAMES,
+    LogSettings,
+    MapSettings,
+    MetricSettings,
+    RecurrentSettings,
+    SiameseSettings,
+)
 from relm_irl_jax.bounds import PositiveInt
 from relm_irl_jax.cluster import ClusterSettings
 from relm_irl_jax.errors import InputError, first_fault
@@ -22,7 +29,7 @@ from relm_irl_jax.rewards.settings import ElmSettings, GoalSettings, IrlSettings
 from relm_irl_jax.scenes.selection import ROOMS, SceneSettings
 from relm_irl_jax.tasks import EvaluationSettings, TaskSettings
 
-AgentName = Literal["siamese", "metric", "map"]
+AgentName = Literal["siamese", "metric", "map", "recurrent"]
 BesideName = Literal["metric", "map"]
 METHODS: tuple[Method, ...] = ("random", "bc", "rl", "constant", "irl", "elm-irl", "relm-irl")
 """Every method, in the order of the tables. `constant` is the control of learned rewards: every step costs the same."""
@@ -75,8 +82,8 @@ class Config:
     """Goals of hindsight relabelling, for agents that use it."""
     agent: Literal["all"] | AgentName = "all"
     """`siamese` for the paper's actor-critic, `metric` for the agent that learns distances between views, `map` for the
-    agent that draws a map while it searches. `all` means siamese, and with all methods on the built-in rooms the two
-    other agents beside it."""
+    agent that draws a map while it searches, `recurrent` for the paper's network with recurrent memory. `all` means
+    siamese, and with all methods on the built-in rooms metric and map beside it."""
     beside: tuple[BesideName, ...] = ()
     """Other agents in the same tables: metric, trained with RELM-IRL's reward, and map, which learns no reward. Each
     has a run of its own in the sub-folder of its name."""
@@ -86,6 +93,8 @@ class Config:
     """The metric agent."""
     map: MapSettings = MapSettings()
     """The mapping agent."""
+    recurrent: RecurrentSettings = RecurrentSettings()
+    """The recurrent agent."""
     evaluation: EvaluationSettings = EvaluationSettings()
     """Evaluation."""
     log: LogSettings = LogSettings()

@@ -10,7 +10,7 @@ from pydantic.dataclasses import dataclass
 
 from relm_irl_jax.bounds import Discount, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt, UnitInterval
 
-FRAMES = {"siamese": 5_000_000, "metric": 5_000_000, "map": 256_000}
+FRAMES = {"siamese": 5_000_000, "metric": 5_000_000, "map": 256_000, "recurrent": 5_000_000}
 """Training frames of each agent, unless the configuration says otherwise."""
 
 
@@ -157,6 +157,35 @@ class MapSettings:
     temperature: PositiveFloat = 1.7
     """Divisor of the evidence for a pose: above 1, since neighbouring cells do not err independently. Chosen on rooms
     that no task uses."""
+
+
+@dataclass(frozen=True)
+class RecurrentSettings:
+    """The recurrent agent, the siamese actor-critic with a memory of its episode: network and optimiser."""
+
+    cell: Literal["gru", "lstm"] = "gru"
+    """Kind of the recurrent cell. A GRU has three quarters of an LSTM's products."""
+    width: PositiveInt = 512
+    """Units of the layer that current and target view share."""
+    memory: PositiveInt = 256
+    """Units of the memory, of the fusion layer below it and of a head's hidden layer above it."""
+    heads: Literal["room_type", "shared", "scene"] = "room_type"
+    """Which scenes share the last hidden layer, the policy and the value, as of the siamese agent."""
+    workers: PositiveInt = 512
+    """Workers that step in lockstep, divided evenly among the heads."""
+    t_max: PositiveInt = 20
+    """Steps of each worker in an update. Learning goes back in time to the first of them; the memory itself lasts to
+    the end of the episode."""
+    discount: Discount = 0.99
+    """Discount factor of the return."""
+    learning_rate: PositiveFloat = 1e-3
+    """Adam's step size."""
+    gradient_clip: PositiveFloat = 1.0
+    """Largest global norm of a gradient."""
+    value_weight: PositiveFloat = 0.25
+    """Weight of the squared value error, relative to the policy loss."""
+    entropy_weight: NonNegativeFloat = 0.03
+    """Weight of the policy's entropy."""
 
 
 @dataclass(frozen=True)

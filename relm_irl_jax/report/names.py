@@ -24,6 +24,7 @@ AGENT_NAMES = {
     "metric": "an agent that learns distances between views, instead of the paper's siamese actor-critic",
     "map": "an agent that draws a map while it searches, at equal costs of all steps and without a learned reward, "
     "instead of the paper's siamese actor-critic",
+    "recurrent": "the paper's siamese actor-critic with a recurrent memory of the episode",
 }
 """Descriptions of agents; for other agents, the report uses their name."""
 
