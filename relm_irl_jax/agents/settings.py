@@ -56,8 +56,8 @@ class SiameseSettings:
     imagine: Literal["none", "told", "reward-alone"] = "reward-alone"
     """Whether the agent also trains on imagined targets, views of the training scenes that no task evaluates on.
     `told`: the simulator ends an episode at an imagined view; RL, ELM-IRL, RELM-IRL and the control with a constant
-    cost use them. `reward-alone`: only the predicted reward of ELM-IRL and RELM-IRL tells of arrivals. All other
-    methods train on the given targets, and are told."""
+    cost use them. `reward-alone`: only the predicted reward of ELM-IRL and RELM-IRL tells of arrivals; the control is
+    then paid where the view equals the target's. All others train on the given targets, and are told."""
     imagined_targets: PositiveInt = 1000
     """Largest number of imagined targets of each scene."""
     targets_at_once: PositiveInt = 4
