@@ -82,6 +82,25 @@ class Policy(Protocol):
         ...
 
 
+@runtime_checkable
+class DeterministicPolicy(Policy, Protocol):
+    """A policy that can say that its actions do not depend on the key: equal observations get equal actions."""
+
+    @property
+    def deterministic(self) -> bool:
+        """Whether they do not. Episodes of equal start and target are then run once."""
+        ...
+
+
+def is_deterministic(policy: Policy) -> bool:
+    """Whether a policy says that it is deterministic.
+
+    Args:
+        policy: any policy.
+    """
+    return isinstance(policy, DeterministicPolicy) and policy.deterministic
+
+
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Demonstrations:

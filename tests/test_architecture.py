@@ -22,7 +22,7 @@ LAYERS = (
     ("rewards",),
     ("types",),
     ("agents",),
-    ("evaluation", "batch_policies"),
+    ("episode_runner", "evaluation", "batch_policies"),
     ("run_folder", "results", "saved_maps", "parameters", "cluster", "config", "run_config", "checkpoints"),
     ("stages",),
     ("report",),

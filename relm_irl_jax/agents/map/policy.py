@@ -126,6 +126,11 @@ class MapPolicy:
     search: SearchSettings
     filled: FilledMaps | None = None
 
+    @property
+    def deterministic(self) -> bool:
+        """It draws nothing at random."""
+        return True
+
     def init(self, shape: tuple[int, ...]) -> Memory:
         """The memory at the start of an episode: empty, or filled with the map of the scene.
 
