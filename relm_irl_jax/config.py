@@ -40,8 +40,11 @@ PAPER_METHODS: tuple[Method, ...] = ("random", "rl", "irl", "elm-irl", "relm-irl
 MAP_METHODS: tuple[Method, ...] = ("random", "rl")
 """What `all` means for the mapping agent, which plans with equal costs of all steps and learns no reward."""
 
+METRIC_FRAMES_BESIDE = 1_000_000
+"""Most training frames of the metric agent beside another agent, so that a run of all agents takes minutes."""
+
 MAP_EPISODES_BESIDE = 200
-"""Most episodes of the mapping agent in each scene, where it is evaluated beside another agent."""
+"""Most episodes of the mapping agent in each scene beside another agent; it takes milliseconds to decide."""
 
 NOT_TRAINED = ("task", "methods", "seeds", "run", "beside", "evaluation", "cluster", "log")
 """Fields on which trained agents do not depend; a run can only be continued if all others are unchanged."""
@@ -63,7 +66,8 @@ class Config:
     seeds: PositiveInt = 1
     """Number of seeds (0, 1, ...); each has its own targets, demonstrations, networks and episodes."""
     frames: Frames | None = None
-    """Training frames for each method and seed; by default 5M, and 256k for the mapping agent."""
+    """Training frames for each method and seed; by default 6M for the paper's agent, 5M for the metric
+    agent and 256k for the mapping agent."""
     run: Path | None = None
     """Run folder; by default a folder in `runs/` whose name depends on the configuration."""
     scene: SceneSettings = SceneSettings()
@@ -125,10 +129,11 @@ class Config:
             agent: the agent.
 
         Returns:
-            The configuration, with no more frames than that agent's runs have by default, and fewer episodes of the
-            mapping agent, which takes milliseconds to decide; the run folder is not set.
+            The configuration; the run folder is not set.
         """
-        frames, evaluation = min(self.training_frames, FRAMES[agent]), self.evaluation
+        frames, evaluation = self.training_frames, self.evaluation
+        if agent == "metric":
+            frames = min(frames, METRIC_FRAMES_BESIDE)
         if agent == "map":
             evaluation = replace(evaluation, episodes=min(evaluation.episodes, MAP_EPISODES_BESIDE))
         settings = {"agent": agent, "methods": (BESIDE[agent],), "frames": frames, "evaluation": evaluation}

@@ -10,7 +10,7 @@ from pydantic.dataclasses import dataclass
 
 from relm_irl_jax.bounds import Discount, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt, UnitInterval
 
-FRAMES = {"siamese": 5_000_000, "metric": 5_000_000, "map": 256_000, "recurrent": 5_000_000}
+FRAMES = {"siamese": 6_000_000, "metric": 5_000_000, "map": 256_000, "recurrent": 5_000_000}
 """Training frames of each agent, unless the configuration says otherwise."""
 
 

@@ -21,9 +21,8 @@ METRIC_NAMES = {"ple": "PLE ↓", "sr": "SR ↑", "spl": "SPL ↑"}
 
 AGENT_NAMES = {
     "siamese": "the paper's siamese actor-critic, many workers in lockstep, the synchronous limit of A3C",
-    "metric": "an agent that learns distances between views, instead of the paper's siamese actor-critic",
-    "map": "an agent that draws a map while it searches, at equal costs of all steps and without a learned reward, "
-    "instead of the paper's siamese actor-critic",
+    "metric": "an agent that learns distances between views",
+    "map": "an agent that draws a map while it searches, at equal costs of all steps and without a learned reward",
     "recurrent": "the paper's siamese actor-critic with a recurrent memory of the episode",
 }
 """Descriptions of agents; for other agents, the report uses their name."""

@@ -9,8 +9,6 @@ from relm_irl_jax.errors import InputError
 from relm_irl_jax.files import write_bytes, write_table
 from relm_irl_jax.hardware import load_stage_times
 from relm_irl_jax.report.comparison import (
-    BASELINES,
-    OURS,
     difference_columns,
     difference_table,
     differences,
@@ -127,12 +125,13 @@ def circumstances(folder: RunFolder, heading: str) -> list[str]:
     settings = load_run_settings(folder)
     cap = next(iter(load_all_results(folder).values())).cap
     scenes = "Procedural rooms" if settings.scenes == BUILT_IN else f"Scenes of {as_code(settings.scenes)}"
+    replaced = ", instead of the paper's siamese actor-critic" if settings.agent in ("metric", "map") else ""
     return [
         f"{heading} Where this differs from the paper",
         "",
         f"{scenes} instead of AI2-THOR; an encoder with weights {as_code(settings.weights)} instead of ImageNet's; "
         f"{as_text(settings.training)} and {cap} steps per episode, where the paper's text says 5000 "
-        f"and its tables fit 100; {AGENT_NAMES.get(settings.agent, f'agent {as_code(settings.agent)}')}.",
+        f"and its tables fit 100; {AGENT_NAMES.get(settings.agent, f'agent {as_code(settings.agent)}')}{replaced}.",
         "",
         *_hardware(folder, heading),
         f"{heading} Configuration",
@@ -206,11 +205,10 @@ def _agents_beside(results: Results, data: RunData) -> list[str]:
 
 
 def _differences(data: RunData, heading: str, *, worded: bool) -> list[str]:
-    """Paired differences between methods; one sentence if there is only one seed."""
+    """Paired differences between methods; nothing if there is only one seed."""
     paired = differences(data.results)
     if not paired:
-        compared = OURS in data.trained and bool(set(BASELINES) & set(data.trained))
-        return [*statement(paired), ""] if compared and worded else []
+        return []
     write_table(data.folder.table("differences"), difference_columns(paired))
     return [
         f"{heading} Differences on the same seeds",
