@@ -15,12 +15,13 @@ from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.scenes.selection import check_scenes_setting
 from relm_irl_jax.stages.agents_beside import LearnRewards, learned_once, runs_beside
 from relm_irl_jax.stages.encoding import EncodedScenes, check_encoder, encode_training
-from relm_irl_jax.stages.episodes import AgentChoice, save_shown_episodes
+from relm_irl_jax.stages.episodes import AgentChoice, play_task, save_shown_episodes
 from relm_irl_jax.stages.evaluation import evaluate_task
 from relm_irl_jax.stages.make_agent import check_agent
 from relm_irl_jax.stages.memory import check_goals_memory, check_memory
 from relm_irl_jax.stages.own_policies import OwnPolicy, check_name, enter, evaluate_own_policy
 from relm_irl_jax.stages.rewards import learn, save_rewards
+from relm_irl_jax.stages.searches import save_shown_searches
 from relm_irl_jax.stages.training import SeedInputs, train_jointly, train_method, trains_jointly
 from relm_irl_jax.tasks import draw_split
 
@@ -116,7 +117,10 @@ def _evaluate(config: Config, folder: RunFolder, encoded: EncodedScenes, task: T
     evaluated = {row.method for row in evaluate_task(config, folder, encoded, task).rows}
     if maps:
         last = [method for method in METHODS if method in evaluated][-1]
-        save_shown_episodes(config, folder, encoded, AgentChoice(last, task))
+        choice = AgentChoice(last, task)
+        played = play_task(config, folder, encoded, choice, episode=0)
+        save_shown_episodes(config, folder, choice, played)
+        save_shown_searches(config, folder, choice, played)
 
 
 def evaluate_run(config: Config, folder: RunFolder, task: Task) -> None:

@@ -22,10 +22,12 @@ from relm_irl_jax.report.learning_curves import TrainingCurve, band_columns, lea
 from relm_irl_jax.report.maps import distance_caption, distance_figure, map_columns, reward_caption, reward_figure
 from relm_irl_jax.report.names import heading
 from relm_irl_jax.report.run_settings import load_run_settings
+from relm_irl_jax.report.searches import search_caption, search_columns, search_figure
 from relm_irl_jax.report.tables import columns_of, interval_of, methods_of, seeds_of
 from relm_irl_jax.results import LEARNED, PREDICTED, Results, RewardQualityRow, Task, is_of_run, load_reward_quality
 from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.saved_maps import StateMap, load_episodes, load_map
+from relm_irl_jax.saved_searches import load_searches
 
 CURVELESS = ("random", "bc")
 """Methods whose training has no episodes; neither has that of the mapping agent."""
@@ -244,6 +246,28 @@ def episode_figures(data: RunData) -> list[DrawnFigure]:
         return [DrawnFigure(path, f"Episodes of Task {task} from above", episode_caption(episodes, task))]
 
     return [figure for task in data.results for figure in data.drawn(f"episodes-{task}", partial(draw, task))]
+
+
+def search_figures(data: RunData) -> list[DrawnFigure]:
+    """Draw what an agent that searches believed, for every task that it was saved of.
+
+    Args:
+        data: the run.
+
+    Returns:
+        One figure for each task.
+    """
+
+    def draw(task: Task) -> list[DrawnFigure]:
+        searches = data.read(load_searches, data.folder.searches(task))
+        if not searches:
+            return []
+        path = data.folder.figure(f"search-{task}")
+        save_figure(search_figure(searches), path, search_columns(searches))
+        return [DrawnFigure(path, f"Searches of Task {task}", search_caption(searches, task))]
+
+    saved = [task for task in data.results if data.folder.searches(task).exists()]
+    return [figure for task in saved for figure in data.drawn(f"search-{task}", partial(draw, task))]
 
 
 def map_figures(data: RunData) -> list[DrawnFigure]:

@@ -26,6 +26,7 @@ from relm_irl_jax.report.run_figures import (
     map_figures,
     prediction_figure,
     press_curve_figure,
+    search_figures,
 )
 from relm_irl_jax.report.run_settings import RunSettings, load_run_settings
 from relm_irl_jax.report.tables import markdown_table, quality_table, table_columns
@@ -249,7 +250,7 @@ def _figures(data: RunData, base: Path, heading: str) -> list[str]:
         for figure in data.drawn("learning", lambda: [learning_curve_figure(data, curves)]):
             text += _shown(figure, base)
         text += [success_table(curves), ""]
-    for draw in (press_curve_figure, prediction_figure, episode_figures, map_figures):
+    for draw in (press_curve_figure, prediction_figure, search_figures, episode_figures, map_figures):
         for figure in draw(data):
             text += _shown(figure, base)
     if data.faults:
