@@ -92,7 +92,7 @@ def run_sections(folder: RunFolder, base: Path, heading: str, *, worded: bool = 
         folder: the run folder; tables and figures are written to it.
         base: folder to which image paths are relative.
         heading: Markdown prefix of the section headings.
-        worded: whether to add sentences about the differences.
+        worded: whether to add sentences about what was found.
 
     Returns:
         Lines of Markdown.
@@ -102,6 +102,7 @@ def run_sections(folder: RunFolder, base: Path, heading: str, *, worded: bool = 
     """
     data = RunData(folder, load_all_results(folder))
     return [
+        *(_found(data) if worded else []),
         *_summary(load_run_settings(folder), data),
         *_tasks(data, heading),
         *_differences(data, heading, worded=worded),
@@ -144,6 +145,17 @@ def circumstances(folder: RunFolder, heading: str) -> list[str]:
     ]
 
 
+def _found(data: RunData) -> list[str]:
+    """What the intervals say about each task, before anything else."""
+    text = []
+    for task, results in data.results.items():
+        found = [as_text(sentence) for sentence in finding(results)]
+        if found:
+            name = f"Task {task}: " if len(data.results) > 1 else ""
+            text += [f"**{name}{found[0]}** {' '.join(found[1:])}", ""]
+    return text
+
+
 def _summary(settings: RunSettings, data: RunData) -> list[str]:
     """One paragraph about training and evaluation."""
     first = next(iter(data.results.values()))
@@ -177,7 +189,7 @@ def _tasks(data: RunData, heading: str) -> list[str]:
         write_table(data.folder.table(f"task-{task}"), table_columns(results))
         table = {"I": 1, "II": 2, "III": 3}[task]
         text += [f"{heading} Task {task}: {TASK_NAMES[task]} (the paper's Table {table})", ""]
-        text += [as_text(" ".join(finding(results))), "", markdown_table(results), ""]
+        text += [markdown_table(results), ""]
         text += _agents_beside(results, data)
         own = sorted({row.method for row in results.rows if row.agent == OWN})
         if own:
