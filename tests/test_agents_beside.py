@@ -72,6 +72,7 @@ def test_results_that_are_missing_are_one_sentence(tmp_path):
 def test_the_default_run_has_all_agents_in_one_table(tmp_path):
     """Another task is then evaluated with all of them, too."""
     quick = [option for option in QUICK if option not in ("--agent", "siamese")]
+    quick += ["--evaluation.episodes", "10"]
     code, out, err = relm_irl(tmp_path, "train", "--config", str(EXPERIMENT), "--run", "run", *quick)
     assert code == 0, err
     assert "RELM-IRL finds" in out
