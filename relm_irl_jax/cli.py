@@ -37,9 +37,13 @@ encode_training = deferred("relm_irl_jax.stages.encoding", "encode_training")
 evaluate_run = deferred("relm_irl_jax.pipeline", "evaluate_run")
 expert_recordings = deferred("relm_irl_jax.stages.recordings", "expert_recordings")
 agent_recordings = deferred("relm_irl_jax.stages.recordings", "agent_recordings")
+check_demonstrations = deferred("relm_irl_jax.run_config", "check_demonstrations")
+check_output = deferred("relm_irl_jax.stages.exports", "check_output")
+export_recordings = deferred("relm_irl_jax.stages.exports", "export_recordings")
 save_demonstrations = deferred("relm_irl_jax.demonstrations", "save_demonstrations")
 export_scenes = deferred("relm_irl_jax.scenes.recording.export", "export_scenes")
 export_table = deferred("relm_irl_jax.scenes.recording.export", "export_table")
+finding = deferred("relm_irl_jax.report.finding", "finding")
 find_run = deferred("relm_irl_jax.run_config", "find_run")
 generate_room = deferred("relm_irl_jax.scenes.rooms.generate", "generate_room")
 load_config = deferred("relm_irl_jax.config", "load_config")
@@ -49,6 +53,7 @@ locked = deferred("relm_irl_jax.run_config", "locked")
 play_in_terminal = deferred("relm_irl_jax.play.keyboard", "play_in_terminal")
 play_run = deferred("relm_irl_jax.play.animation", "play")
 read_results = deferred("relm_irl_jax.results", "read_results")
+record_walk = deferred("relm_irl_jax.play.recording", "record_walk")
 results_file = deferred("relm_irl_jax.stages.own_policies", "results_file")
 run = deferred("relm_irl_jax.pipeline", "run")
 run_path = deferred("relm_irl_jax.run_config", "run_path")
@@ -64,6 +69,7 @@ vizdoom_maps = deferred("relm_irl_jax.scenes.recording.vizdoom", "vizdoom_maps")
 write_search_gif = deferred("relm_irl_jax.play.search", "write_search_gif")
 write_report = deferred("relm_irl_jax.report.run_report", "write_report")
 
+Export = deferred("relm_irl_jax.stages.exports", "Export")
 AgentChoice = deferred("relm_irl_jax.stages.episodes", "AgentChoice")
 OwnPolicy = deferred("relm_irl_jax.stages.own_policies", "OwnPolicy")
 
@@ -185,6 +191,8 @@ def _play(command: "Play") -> None:
     if command.keyboard or command.run is None:
         _play_by_keyboard(command, console)
         return
+    if command.record is not None:
+        raise InputError("record: only walks by keyboard are recorded; add --keyboard, or use `demonstrations`.")
     folder, config = find_run(command.run)
     choice = AgentChoice(command.method, command.task, command.seed)
     for file, path in play_run(config, folder, choice, command.episode):
@@ -235,14 +243,20 @@ def _evaluate(command: "Evaluate") -> None:
 
 def _record(command: "Record") -> None:
     folder, config = find_run(command.run)
+    check_output(command.out, command.format)
     ensure_writable(command.out.parent)
     training = encode_training(config)
     if command.method is None:
+        check_demonstrations(config, folder)
         recordings = expert_recordings(config, training, command.seed)
     else:
         choice = AgentChoice(command.method, command.task, command.seed)
         recordings = agent_recordings(config, folder, training, choice, command.episodes)
-    save_demonstrations(recordings, command.out)
+    if command.format == "jsonl":
+        save_demonstrations(recordings, command.out)
+    else:
+        export = Export(command.out, command.format, command.method, command.task, command.seed)
+        export_recordings(config, training, recordings, export)
     count = sum(map(len, recordings.values()))
     _console().print(f"{command.out}: {count} demonstrations", highlight=False, soft_wrap=True)
 
@@ -253,8 +267,12 @@ def _play_by_keyboard(command: "Play", console: "Console") -> None:
     else:
         scene, targets = scene_and_targets_of_run(find_run(command.run)[1], command.task, command.seed, command.scene)
     start, target = draw_episode(scene, targets, command.seed, command.episode)
+    if command.record is not None:
+        ensure_writable(command.record.parent)
     path = play_in_terminal(scene, start, target, console)
     console.print(f"{scene.name}: {_outcome(path)}", highlight=False, soft_wrap=True)
+    if command.record is not None:
+        console.print(record_walk(scene, path, command.record), highlight=False, soft_wrap=True)
 
 
 def _play_packaged(command: "Play", console: "Console") -> None:
@@ -341,4 +359,5 @@ def _pop_option(arguments: list[str], option: str, kind: str, remedy: str) -> tu
 def _show(results: "Results", folder: Path) -> None:
     console = _console()
     console.print(console_table(results))
+    console.print(" ".join(finding(results)), highlight=False)
     console.print(f"Report: {folder / 'report.html'}", highlight=False, soft_wrap=True)

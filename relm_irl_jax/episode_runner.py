@@ -136,8 +136,8 @@ def lanes_within_memory(policy: Policy, n_scenes: int, episodes: int) -> int:
     Returns:
         At least 1, at most `episodes`.
     """
-    memory = jax.eval_shape(lambda: policy.init((n_scenes, 1)))
-    size = sum(leaf.size * leaf.dtype.itemsize for leaf in jax.tree.leaves(memory))
+    leaves = jax.eval_shape(lambda: jax.tree.leaves(policy.init((n_scenes, 1))))
+    size = sum(leaf.size * leaf.dtype.itemsize for leaf in leaves)
     return max(1, min(episodes, MEMORY_BYTES // max(size, 1)))
 
 

@@ -4,6 +4,7 @@
     .lock                                 held by the process that writes to the folder
     hardware.json                         the computer, and the duration of each stage
     encoder.json                          name and checksum of the encoder
+    demonstrations.json                   name and checksum of the file of recorded demonstrations, if there is one
     agents/METHOD-seed-S.safetensors      network weights
     curves/METHOD-seed-S.csv              the learning curve
     checkpoints/METHOD-seed-S/            state of a running training (Orbax); removed when it is finished
@@ -15,6 +16,7 @@
     episodes/TASK-search.safetensors      what an agent that searches believed at some moments of them
     results-TASK.json, results.json       metrics of each task, and of the task evaluated last
     entries/TASK/NAME.json                rows of other programs, which evaluations add to their own
+    metric/, map/                         runs of other agents, whose rows are in the same tables
     tables/                               the report's tables as CSV
     figures/                              the report's figures as PNG, and their data as CSV
     report.html, report.md                the report
@@ -56,6 +58,11 @@ class RunFolder:
         """Path of the name and the checksum of the encoder that the agents were trained with."""
         return self.path / "encoder.json"
 
+    @property
+    def demonstrations(self) -> Path:
+        """Path of the name and the checksum of the recorded demonstrations that the rewards were learned from."""
+        return self.path / "demonstrations.json"
+
     def agent(self, method: str, seed: int) -> Path:
         """Path of a trained network."""
         return self.path / "agents" / f"{method}-seed-{seed}.safetensors"
@@ -92,6 +99,10 @@ class RunFolder:
     def entries(self, task: str) -> list[Path]:
         """Paths of other programs' metrics of a task."""
         return sorted((self.path / "entries" / task).glob("*.json"))
+
+    def beside(self, agent: str) -> "RunFolder":
+        """Folder of the run of another agent, whose rows are in the same tables."""
+        return RunFolder(self.path / agent)
 
     def reward_map(self, targets: str, room_type: str) -> Path:
         """Path of the rewards of a room's states for a `trained` or a `new` target."""

@@ -15,7 +15,7 @@ LAYERS = (
     ("bounds", "errors", "files", "frames", "interruption", "progress", "lazy", "hardware"),
     ("scenes",),
     ("features",),
-    ("experts", "demonstrations"),
+    ("experts", "demonstrations", "exports"),
     ("irl",),
     ("elm",),
     ("tasks", "transitions", "tables", "world", "env"),

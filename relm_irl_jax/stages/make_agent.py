@@ -9,6 +9,7 @@ from relm_irl_jax.agents.map.network import VIEW
 from relm_irl_jax.agents.map.training_rooms import GeneratedRooms
 from relm_irl_jax.agents.map.weights import SHIPPED, load_weights
 from relm_irl_jax.agents.metric.agent import MetricAgent
+from relm_irl_jax.agents.recurrent.agent import RecurrentAgent
 from relm_irl_jax.agents.siamese.agent import SiameseAgent
 from relm_irl_jax.agents.siamese.behaviour_cloning import BehaviourCloningAgent
 from relm_irl_jax.config import MAP_METHODS, Config, Method, Task
@@ -36,6 +37,8 @@ def make_agent(config: Config, method: Method) -> Agent:
         return MetricAgent(config.metric, greedy)
     if config.agent == "map":
         return _mapping_agent(config)
+    if config.agent == "recurrent":
+        return RecurrentAgent(config.recurrent, greedy)
     return SiameseAgent(config.siamese, greedy)
 
 
@@ -107,5 +110,8 @@ def check_agent(config: Config, tasks: Sequence[Task]) -> None:
         )
     if config.agent == "map" and not trains(config) and (weights := config.resolved().map.weights) != "package":
         load_weights(Path(weights))  # raises before the work
-    if config.agent == "siamese" and config.siamese.heads == "scene" and "III" in tasks:
-        raise InputError("siamese.heads: scene has no head for the unseen scenes of task III; use room_type or shared.")
+    heads = {"siamese": config.siamese.heads, "recurrent": config.recurrent.heads}.get(config.agent)
+    if heads == "scene" and "III" in tasks:
+        raise InputError(
+            f"{config.agent}.heads: scene has no head for the unseen scenes of task III; use room_type or shared."
+        )
