@@ -37,9 +37,13 @@ encode_training = deferred("relm_irl_jax.stages.encoding", "encode_training")
 evaluate_run = deferred("relm_irl_jax.pipeline", "evaluate_run")
 expert_recordings = deferred("relm_irl_jax.stages.recordings", "expert_recordings")
 agent_recordings = deferred("relm_irl_jax.stages.recordings", "agent_recordings")
+check_demonstrations = deferred("relm_irl_jax.run_config", "check_demonstrations")
+check_output = deferred("relm_irl_jax.stages.exports", "check_output")
+export_recordings = deferred("relm_irl_jax.stages.exports", "export_recordings")
 save_demonstrations = deferred("relm_irl_jax.demonstrations", "save_demonstrations")
 export_scenes = deferred("relm_irl_jax.scenes.recording.export", "export_scenes")
 export_table = deferred("relm_irl_jax.scenes.recording.export", "export_table")
+finding = deferred("relm_irl_jax.report.finding", "finding")
 find_run = deferred("relm_irl_jax.run_config", "find_run")
 generate_room = deferred("relm_irl_jax.scenes.rooms.generate", "generate_room")
 load_config = deferred("relm_irl_jax.config", "load_config")
@@ -49,6 +53,7 @@ locked = deferred("relm_irl_jax.run_config", "locked")
 play_in_terminal = deferred("relm_irl_jax.play.keyboard", "play_in_terminal")
 play_run = deferred("relm_irl_jax.play.animation", "play")
 read_results = deferred("relm_irl_jax.results", "read_results")
+record_walk = deferred("relm_irl_jax.play.recording", "record_walk")
 results_file = deferred("relm_irl_jax.stages.own_policies", "results_file")
 run = deferred("relm_irl_jax.pipeline", "run")
 run_path = deferred("relm_irl_jax.run_config", "run_path")
@@ -56,10 +61,15 @@ save_scene = deferred("relm_irl_jax.scenes.scene_file", "save_scene")
 scene_and_targets = deferred("relm_irl_jax.play.keyboard", "scene_and_targets")
 scene_and_targets_of_run = deferred("relm_irl_jax.play.keyboard", "scene_and_targets_of_run")
 scene_files = deferred("relm_irl_jax.scenes.selection", "scene_files")
+search_frames = deferred("relm_irl_jax.play.search", "search_frames")
+search_scene = deferred("relm_irl_jax.play.search", "search_scene")
+show_in_terminal = deferred("relm_irl_jax.play.search", "show_in_terminal")
 thor_scenes = deferred("relm_irl_jax.scenes.recording.thor", "thor_scenes")
 vizdoom_maps = deferred("relm_irl_jax.scenes.recording.vizdoom", "vizdoom_maps")
+write_search_gif = deferred("relm_irl_jax.play.search", "write_search_gif")
 write_report = deferred("relm_irl_jax.report.run_report", "write_report")
 
+Export = deferred("relm_irl_jax.stages.exports", "Export")
 AgentChoice = deferred("relm_irl_jax.stages.episodes", "AgentChoice")
 OwnPolicy = deferred("relm_irl_jax.stages.own_policies", "OwnPolicy")
 
@@ -175,9 +185,14 @@ def _report(command: "Report") -> None:
 
 def _play(command: "Play") -> None:
     console = _console()
+    if command.agent is not None:
+        _play_packaged(command, console)
+        return
     if command.keyboard or command.run is None:
         _play_by_keyboard(command, console)
         return
+    if command.record is not None:
+        raise InputError("record: only walks by keyboard are recorded; add --keyboard, or use `demonstrations`.")
     folder, config = find_run(command.run)
     choice = AgentChoice(command.method, command.task, command.seed)
     for file, path in play_run(config, folder, choice, command.episode):
@@ -228,14 +243,20 @@ def _evaluate(command: "Evaluate") -> None:
 
 def _record(command: "Record") -> None:
     folder, config = find_run(command.run)
+    check_output(command.out, command.format)
     ensure_writable(command.out.parent)
     training = encode_training(config)
     if command.method is None:
+        check_demonstrations(config, folder)
         recordings = expert_recordings(config, training, command.seed)
     else:
         choice = AgentChoice(command.method, command.task, command.seed)
         recordings = agent_recordings(config, folder, training, choice, command.episodes)
-    save_demonstrations(recordings, command.out)
+    if command.format == "jsonl":
+        save_demonstrations(recordings, command.out)
+    else:
+        export = Export(command.out, command.format, command.method, command.task, command.seed)
+        export_recordings(config, training, recordings, export)
     count = sum(map(len, recordings.values()))
     _console().print(f"{command.out}: {count} demonstrations", highlight=False, soft_wrap=True)
 
@@ -246,8 +267,26 @@ def _play_by_keyboard(command: "Play", console: "Console") -> None:
     else:
         scene, targets = scene_and_targets_of_run(find_run(command.run)[1], command.task, command.seed, command.scene)
     start, target = draw_episode(scene, targets, command.seed, command.episode)
+    if command.record is not None:
+        ensure_writable(command.record.parent)
     path = play_in_terminal(scene, start, target, console)
     console.print(f"{scene.name}: {_outcome(path)}", highlight=False, soft_wrap=True)
+    if command.record is not None:
+        console.print(record_walk(scene, path, command.record), highlight=False, soft_wrap=True)
+
+
+def _play_packaged(command: "Play", console: "Console") -> None:
+    if command.run is not None or command.keyboard:
+        raise InputError("agent: an agent of the package belongs to no run; give either a run or --agent.")
+    scene, targets = scene_and_targets(command.scene or "bathroom-50", command.target)
+    file = Path("runs") / "play" / f"{command.agent}-{scene.name}-{command.seed}-{command.episode}.gif"
+    ensure_writable(file.parent)
+    search, path = search_scene(scene, targets, command.seed, command.episode)
+    frames = search_frames(search)
+    write_search_gif(file, frames)
+    if console.is_terminal:
+        show_in_terminal(frames, console, 0.35)
+    console.print(f"{file}: {_outcome(path)}", highlight=False, soft_wrap=True)
 
 
 def _outcome(path: "EpisodePath") -> str:
@@ -320,4 +359,5 @@ def _pop_option(arguments: list[str], option: str, kind: str, remedy: str) -> tu
 def _show(results: "Results", folder: Path) -> None:
     console = _console()
     console.print(console_table(results))
+    console.print(" ".join(finding(results)), highlight=False)
     console.print(f"Report: {folder / 'report.html'}", highlight=False, soft_wrap=True)

@@ -13,7 +13,18 @@ from relm_irl_jax.world import build_targets, build_world
 
 STEP_COST = ManualReward(jnp.float32(0.0), jnp.float32(-1.0), jnp.float32(-1.0))
 
-SMALL = SiameseSettings(workers=8, t_max=4, width=8, initialisation="uniform")
+SMALL = SiameseSettings(
+    workers=8,
+    t_max=4,
+    width=8,
+    initialisation="uniform",
+    heads="room_type",
+    discount=0.99,
+    learning_rate=1e-3,
+    decay="none",
+    imagine="none",
+    given_share=0.1,
+)
 """Uniform initial weights compile faster than normal ones."""
 
 RECURRENT = RecurrentSettings(workers=8, t_max=4, width=8, memory=6)

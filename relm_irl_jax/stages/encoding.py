@@ -46,9 +46,19 @@ def encode_training(config: Config) -> EncodedScenes:
         The training scenes with features; without columns if neither the agents nor the rewards need features.
     """
     loaders = training_scenes(config.scenes, scene_settings(config))
-    if not needs_features(config):
-        return EncodedScenes([_without_features(load(views=False)) for load in loaders], None, NO_ENCODER)
-    return encode_scenes(config, loaders)
+    return encode_scenes(config, loaders) if needs_features(config) else scenes_without_features(loaders)
+
+
+def scenes_without_features(loaders: Sequence[SceneLoader]) -> EncodedScenes:
+    """Scenes for agents that look at pixels, where no reward needs features.
+
+    Args:
+        loaders: the scenes.
+
+    Returns:
+        The scenes, their features without columns.
+    """
+    return EncodedScenes([_without_features(load(views=False)) for load in loaders], None, NO_ENCODER)
 
 
 def encode_scenes(config: Config, loaders: Sequence[SceneLoader]) -> EncodedScenes:
@@ -137,8 +147,6 @@ def _check_apart(encoder: Encoder, scenes: Sequence[Scene]) -> None:
 
 @lru_cache(maxsize=1)
 def _encode_unseen(source: str, settings: SceneSettings, training: EncodedScenes) -> list[Scene]:
-    if training.scenes[0].encoded.shape[1] == 0:
-        return [_without_features(load(views=False)) for load in unseen_scenes(source, settings)]
     return encode_more(training, unseen_scenes(source, settings))
 
 
@@ -152,6 +160,8 @@ def encode_more(training: EncodedScenes, loaders: Sequence[SceneLoader]) -> list
     Returns:
         The other scenes with features.
     """
+    if training.scenes[0].encoded.shape[1] == 0:
+        return scenes_without_features(loaders).scenes
     if training.encoder is None:
         return [load(views=False) for load in loaders]
     scenes = [_encoded(load, training.encoder) for load in loaders]

@@ -1,10 +1,10 @@
 """Makes the agent that a configuration names; the only code that depends on the name."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
-from relm_irl_jax.agents.map.agent import MapAgent
+from relm_irl_jax.agents.map.agent import MapAgent, Views
 from relm_irl_jax.agents.map.network import VIEW
 from relm_irl_jax.agents.map.training_rooms import GeneratedRooms
 from relm_irl_jax.agents.map.weights import SHIPPED, load_weights
@@ -18,7 +18,7 @@ from relm_irl_jax.errors import InputError
 from relm_irl_jax.results import LEARNED
 from relm_irl_jax.scenes.selection import ROOMS
 from relm_irl_jax.scenes.views import scene_views
-from relm_irl_jax.types import Agent
+from relm_irl_jax.types import Agent, Parameters
 
 
 def make_agent(config: Config, method: Method) -> Agent:
@@ -54,6 +54,18 @@ def _mapping_agent(config: Config) -> MapAgent:
         return MapAgent(views, config.map, trained=lambda: load_weights(path)[0])
     rooms = GeneratedRooms(config.map.rooms, config.scene.size) if config.scenes == ROOMS else None
     return MapAgent(views, config.map, rooms)
+
+
+def packaged_agent(views: Callable[[int], Views]) -> tuple[MapAgent, Parameters]:
+    """The mapping agent with the weights of the package, for scenes that belong to no run.
+
+    Args:
+        views: returns RGB views of a scene's states, given their rows and columns.
+
+    Returns:
+        The agent and its parameters.
+    """
+    return MapAgent(lambda _: views(VIEW)), load_weights()[0]
 
 
 def trains(config: Config) -> bool:

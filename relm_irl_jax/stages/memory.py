@@ -80,7 +80,7 @@ def estimates(config: Config) -> dict[str, int]:
         needed["scene.image_size: the views of a room"] = (
             LARGEST_ROOM * (scene_settings(config).image_size or 0) ** 2 * 3
         )
-    needed |= _training_steps(config).get(config.agent, {})
+    needed |= _training_steps(config).get(config.trained_agent, {})
     if {"elm-irl", "relm-irl"} & set(config.chosen_methods()):
         # `elm.pairs` is an upper bound, of which a run with few demonstrations has fewer.
         needed["elm.hidden and elm.pairs: fitting the regressor"] = (

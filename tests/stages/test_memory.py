@@ -28,7 +28,7 @@ def test_the_defaults_fit_into_two_gigabytes():
 @pytest.mark.parametrize(
     ("config", "said"),
     [
-        (replace(CONFIG, siamese=replace(CONFIG.siamese, workers=10**6, t_max=1000)), r"siamese\.workers.*8,192\.0 GB"),
+        (replace(CONFIG, siamese=replace(CONFIG.siamese, workers=10**6, t_max=1000)), r"siamese\.workers.*4,096\.0 GB"),
         (
             replace(CONFIG, agent="recurrent", recurrent=replace(CONFIG.recurrent, workers=10**6)),
             r"recurrent\.workers",

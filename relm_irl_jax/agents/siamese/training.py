@@ -58,18 +58,17 @@ def update_form(settings: SiameseSettings, n_heads: int) -> UpdateForm:
     return UpdateForm(network, settings.t_max, settings.optimizer, settings.gradient)
 
 
-def optimizer_numbers(settings: SiameseSettings) -> OptimizerNumbers:
+def optimizer_numbers(settings: SiameseSettings, frames: int) -> OptimizerNumbers:
     """The optimiser's numbers. If gradients are summed, the bound on their norm is multiplied by the number of workers.
 
     Args:
         settings: the agent's settings.
+        frames: frames of the training.
 
     Returns:
         The numbers.
     """
-    decay = np.inf
-    if settings.decay_frames is not None:
-        decay = -(-settings.decay_frames // (settings.workers * settings.t_max))
+    decay = -(-frames // (settings.workers * settings.t_max)) if settings.decay == "linear" else np.inf
     clip = settings.gradient_clip * (settings.workers if settings.gradient == "sum" else 1)
     return OptimizerNumbers(jnp.float32(settings.learning_rate), jnp.float32(decay), jnp.float32(clip))
 
@@ -114,7 +113,9 @@ def update_inputs(
     if problem.cap < settings.t_max:
         raise InputError(f"siamese.t_max: {settings.t_max} exceeds the cap of {problem.cap} steps; lower it.")
     task = NavigationTask(problem.world, problem.targets, target_range, problem.reward, jnp.int32(problem.cap))
-    return UpdateInputs(task, loss_weights(settings, problem.return_scale), optimizer_numbers(settings), pairs)
+    return UpdateInputs(
+        task, loss_weights(settings, problem.return_scale), optimizer_numbers(settings, problem.frames), pairs
+    )
 
 
 def loss_weights(settings: SiameseSettings, return_scale: float) -> LossWeights:

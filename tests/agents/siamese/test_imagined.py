@@ -40,7 +40,7 @@ def imagining(**changes):
     """The two small rooms with a constant cost of 1 for a step."""
     one = problem(cap=20)
     scenes = [grid_scene(2, 2, name="bathroom-0"), grid_scene(3, 2, name="bedroom-0")]
-    targets = constant_rewards(scenes, SPLIT, STATES, -1.0, 0.0, np.inf)
+    targets = constant_rewards(scenes, SPLIT, STATES, step=-1.0, target=0.0, collision=np.inf, told=True)
     return dataclasses.replace(one, imagined=dataclasses.replace(targets, **changes))
 
 
