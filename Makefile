@@ -15,7 +15,7 @@ KEPT   := JAX_COMPILATION_CACHE_DIR='$(CURDIR)/.cache/jax' JAX_PERSISTENT_CACHE_
 # A variable that is not given leaves the value of the configuration.
 TASK    ?=  ## I, II or III: the task that is evaluated; II by default.
 METHOD  ?=  ## all, or some of random, bc, rl, irl, elm-irl, relm-irl, as in METHOD="rl irl".
-AGENT   ?=  ## siamese, metric, map or recurrent; by default all: siamese, and metric and map beside it.
+AGENT   ?=  ## siamese, metric, map, recurrent or savn; by default all: siamese, and metric and map beside it.
 SCENES  ?=  ## rooms for the built-in ones, or a folder of scene files.
 SEEDS   ?=  ## Number of seeds.
 FRAMES  ?=  ## Training frames for each method and seed: 5000000, 5e6, 5M or 600k.
@@ -96,8 +96,8 @@ paper: $(STAMP)  ## Make every table and figure of the paper. [PIECE VARIANT QUI
 weights: $(STAMP)  ## Train the mapping agent's weights that come with the package. [ARGS]
 	@$(BIN)/python experiments/map_weights.py $(ARGS)
 
-notebooks: $(STAMP)  ## Run the notebooks of experiments/notebooks. [ARGS]
-	@$(KEPT) $(BIN)/python -m pytest --nbmake --nbmake-timeout=300 -p no:cacheprovider $(ARGS) experiments/notebooks
+notebooks: $(STAMP)  ## Run the notebooks of experiments/notebooks; ARGS=--overwrite saves their outputs. [ARGS]
+	@$(KEPT) PYTHONWARNINGS='ignore:IProgress not found' $(BIN)/python -m pytest --nbmake --nbmake-timeout=300 -p no:cacheprovider $(ARGS) experiments/notebooks
 
 notebook: $(STAMP)  ## Open the notebooks in Jupyter, which is installed into .venv if it is missing.
 	@$(BIN)/python -c 'import jupyterlab' 2>/dev/null || $(BIN)/python -m pip install -q --disable-pip-version-check 'jupyterlab>=4,<5'

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tiny import RECURRENT, SMALL, TARGETS, problem, two_rooms
+from tiny import RECURRENT, SAVN, SMALL, TARGETS, problem, two_rooms
 
 from relm_irl_jax.agents.map.agent import MapAgent
 from relm_irl_jax.agents.map.loss import initial_parameters
@@ -14,6 +14,7 @@ from relm_irl_jax.agents.map.network import VIEW, MapNetwork
 from relm_irl_jax.agents.metric.agent import MetricAgent
 from relm_irl_jax.agents.random_agent import RandomPolicy
 from relm_irl_jax.agents.recurrent.agent import RecurrentAgent
+from relm_irl_jax.agents.savn.agent import SavnAgent
 from relm_irl_jax.agents.settings import MetricSettings
 from relm_irl_jax.agents.siamese.agent import SiameseAgent
 from relm_irl_jax.agents.siamese.behaviour_cloning import BehaviourCloningAgent
@@ -55,6 +56,7 @@ AGENTS = {
     "metric": MetricAgent(METRIC),
     "recurrent": RecurrentAgent(RECURRENT),
     "map": mapping_agent(np.arange(40)),
+    "savn": SavnAgent(SAVN),
 }
 
 
