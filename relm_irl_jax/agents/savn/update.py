@@ -106,8 +106,8 @@ def worker_memory(network: RecurrentActorCritic, adaptation: Adaptation, shape: 
 
 
 def hidden_layer(
-    parameters: Parameters, hidden: Float[Array, "groups batch memory"], head: Int32[Array, "groups"]
-) -> Float[Array, "groups batch memory"]:
+    parameters: Parameters, hidden: Float[Array, "*time groups batch memory"], head: Int32[Array, "groups"]
+) -> Float[Array, "*time groups batch memory"]:
     """The head's hidden layer before its ReLU, with unchanged weights.
 
     Args:
