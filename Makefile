@@ -96,8 +96,8 @@ paper: $(STAMP)  ## Make every table and figure of the paper. [PIECE VARIANT QUI
 weights: $(STAMP)  ## Train the mapping agent's weights that come with the package. [ARGS]
 	@$(BIN)/python experiments/map_weights.py $(ARGS)
 
-notebooks: $(STAMP)  ## Run the notebooks of experiments/notebooks. [ARGS]
-	@$(KEPT) $(BIN)/python -m pytest --nbmake --nbmake-timeout=300 -p no:cacheprovider $(ARGS) experiments/notebooks
+notebooks: $(STAMP)  ## Run the notebooks of experiments/notebooks; ARGS=--overwrite saves their outputs. [ARGS]
+	@$(KEPT) PYTHONWARNINGS='ignore:IProgress not found' $(BIN)/python -m pytest --nbmake --nbmake-timeout=300 -p no:cacheprovider $(ARGS) experiments/notebooks
 
 notebook: $(STAMP)  ## Open the notebooks in Jupyter, which is installed into .venv if it is missing.
 	@$(BIN)/python -c 'import jupyterlab' 2>/dev/null || $(BIN)/python -m pip install -q --disable-pip-version-check 'jupyterlab>=4,<5'

@@ -21,7 +21,8 @@ from relm_irl_jax.run_folder import RunFolder
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from relm_irl_jax.commands import Bench, Check, Evaluate, ExportThor, ExportVizdoom, Generate, Play, Record, Report
+    from relm_irl_jax.commands import Bench, Evaluate, Play, Record, Report
+    from relm_irl_jax.commands_of_scenes import Check, ExportThor, ExportVizdoom, Generate
     from relm_irl_jax.config import Config
     from relm_irl_jax.results import Results
     from relm_irl_jax.stages.episodes import EpisodePath
@@ -53,6 +54,7 @@ locked = deferred("relm_irl_jax.run_config", "locked")
 play_in_terminal = deferred("relm_irl_jax.play.keyboard", "play_in_terminal")
 play_run = deferred("relm_irl_jax.play.animation", "play")
 read_results = deferred("relm_irl_jax.results", "read_results")
+register_environments = deferred("relm_irl_jax.registration", "register_environments")
 record_walk = deferred("relm_irl_jax.play.recording", "record_walk")
 results_file = deferred("relm_irl_jax.stages.own_policies", "results_file")
 run = deferred("relm_irl_jax.pipeline", "run")
@@ -122,35 +124,38 @@ def _other(name: str, arguments: list[str]) -> None:
     """Any command but `train`."""
     import tyro
 
-    from relm_irl_jax.commands import (
-        Bench,
-        Checked,
-        Evaluate,
-        Exported,
-        Generated,
-        Play,
-        Record,
-        Report,
-        ShownEncoder,
-        TrainedEncoder,
-    )
+    kind, work = _scene_command(name) if name in ("scenes", "encoder") else _run_command(name)
+
+    # A function, so that refused values raise here instead of ending the process within the parser.
+    def parsed(command: Annotated[kind, tyro.conf.arg(name="")]) -> Any:  # pyrefly: ignore
+        return command
+
+    command = tyro.cli(parsed, args=arguments, prog=f"relm-irl {name}", description=COMMANDS[name])
+    register_environments()
+    work(command)
+
+
+def _run_command(name: str) -> tuple[Any, Callable[[Any], None]]:
+    """Arguments of a command, and what does it."""
+    from relm_irl_jax.commands import Bench, Evaluate, Play, Record, Report
 
     kinds: dict[str, tuple[Any, Callable[[Any], None]]] = {
         "evaluate": (Evaluate, _evaluate),
         "report": (Report, _report),
         "play": (Play, _play),
         "demonstrations": (Record, _record),
-        "scenes": (Generated | Checked | Exported, _scenes),
-        "encoder": (TrainedEncoder | ShownEncoder, _encoder),
         "bench": (Bench, _bench),
     }
-    kind, work = kinds[name]
+    return kinds[name]
 
-    # A function, so that refused values raise here instead of ending the process within the parser.
-    def parsed(command: Annotated[kind, tyro.conf.arg(name="")]) -> Any:  # pyrefly: ignore
-        return command
 
-    work(tyro.cli(parsed, args=arguments, prog=f"relm-irl {name}", description=COMMANDS[name]))
+def _scene_command(name: str) -> tuple[Any, Callable[[Any], None]]:
+    """The same for scenes and encoders, whose settings load more."""
+    from relm_irl_jax.commands_of_scenes import Checked, Exported, Generated, ShownEncoder, TrainedEncoder
+
+    return {"scenes": (Generated | Checked | Exported, _scenes), "encoder": (TrainedEncoder | ShownEncoder, _encoder)}[
+        name
+    ]
 
 
 def _train(arguments: list[str]) -> None:
@@ -170,6 +175,7 @@ def _train(arguments: list[str]) -> None:
         return config
 
     config = tyro.cli(parsed, args=arguments, prog="relm-irl train", description=COMMANDS["train"])
+    register_environments()
     Resume.run = run_path(config.resolved())
     folder = run(config)
     _show(load_results(folder), folder.path)
@@ -207,7 +213,7 @@ def _console() -> "Console":
 
 
 def _scenes(command: Any) -> None:
-    from relm_irl_jax.commands import Export, Generate
+    from relm_irl_jax.commands_of_scenes import Export, Generate
 
     if isinstance(command, Generate):
         _generate(command)
@@ -218,7 +224,7 @@ def _scenes(command: Any) -> None:
 
 
 def _encoder(command: Any) -> None:
-    from relm_irl_jax.commands import ShowEncoder
+    from relm_irl_jax.commands_of_scenes import ShowEncoder
     from relm_irl_jax.features.training.command import provenance_table, quality_table, train_encoder
 
     if isinstance(command, ShowEncoder):
@@ -304,7 +310,7 @@ def _generate(command: "Generate") -> None:
 
 
 def _export(command: "ExportVizdoom | ExportThor") -> None:
-    from relm_irl_jax.commands import ExportVizdoom
+    from relm_irl_jax.commands_of_scenes import ExportVizdoom
 
     if isinstance(command, ExportVizdoom):
         openers = vizdoom_maps(command.maps, command.settings)

@@ -14,6 +14,7 @@ import relm_irl_jax as relm
 from relm_irl_jax.agents.random_agent import RandomPolicy
 from relm_irl_jax.agents.training import LearningCurve
 from relm_irl_jax.api.compare import Comparison
+from relm_irl_jax.api.scenes import config_of
 from relm_irl_jax.batch_policies import Protocol, evaluate_batch_policy
 from relm_irl_jax.config import Config, overlay
 from relm_irl_jax.env import Transition
@@ -262,6 +263,15 @@ def test_results_that_were_not_measured_alike_are_not_compared(tmp_path):
     with pytest.raises(InputError, match="cannot be read"):
         relm.compare(tmp_path / "neither.json")
     assert isinstance(relm.compare(first), Comparison)
+
+
+def test_listed_rooms_are_encoded_as_rooms():
+    listed = relm.rooms("bathroom-0", size="tiny")
+    assert listed[0].views.shape[1:] == (64, 64, 3)
+    assert config_of(listed, None).encoder.weights == "rooms"
+    random = overlay(Config(), {"encoder": {"weights": "random"}}, "test")
+    assert config_of(listed, random).encoder.weights == "random"
+    assert config_of(one_hot_rooms(), None).encoder.weights == "auto"  # they have features
 
 
 def test_rooms_and_folders_are_loaded():

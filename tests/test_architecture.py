@@ -37,7 +37,7 @@ LAYERS = (
     ("stages",),
     ("report",),
     ("pipeline",),
-    ("help_pages", "commands", "api", "gym", "registration", "play", "studies", "benchmarks"),
+    ("help_pages", "commands", "commands_of_scenes", "api", "gym", "registration", "play", "studies", "benchmarks"),
     ("cli", "__init__", "__main__"),
 )
 """A module imports from its own line or from lines above it."""

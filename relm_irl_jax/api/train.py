@@ -20,7 +20,7 @@ from relm_irl_jax.irl import WeightsOf
 from relm_irl_jax.progress import progress_bar
 from relm_irl_jax.results import LEARNED
 from relm_irl_jax.rewards.functions import OwnReward
-from relm_irl_jax.stages.make_agent import check_agent, make_agent
+from relm_irl_jax.stages.make_agent import check_agent, make_agent, trains
 from relm_irl_jax.stages.rewards import learn
 from relm_irl_jax.stages.training import SeedInputs, training_problem
 from relm_irl_jax.stages.worlds import EvaluationTask
@@ -144,7 +144,8 @@ def train(
     parameters, curves = {}, {}
     for seed in numbered(seeds):
         problem = _problem(setting, method, seed, learner, (reward, irl))
-        with progress_bar(f"training {title}, seed {seed}", problem.frames, "frames") as advance:
+        trained = not isinstance(agent, str) or trains(settings)  # the mapping agent may come with weights
+        with progress_bar(f"training {title}, seed {seed}" if trained else None, problem.frames, "frames") as advance:
             parameters[seed], curve = learner.train(jax.random.key(seed), problem, _BarLog(advance))
         curves[seed] = {c.name: np.asarray(getattr(curve, c.name)) for c in dataclasses.fields(curve)}
     return Trained(title, learner, setting, parameters, curves)

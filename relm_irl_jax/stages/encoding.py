@@ -13,6 +13,7 @@ from relm_irl_jax.features.cache import encode_scene
 from relm_irl_jax.features.encoder import N_CALIBRATION_VIEWS, Encoder, Views, image_size_of, make_encoder
 from relm_irl_jax.files import write_json
 from relm_irl_jax.run_folder import RunFolder
+from relm_irl_jax.scenes.rooms.room_specifications import SOURCE
 from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.scenes.selection import ROOMS, SceneLoader, SceneSettings, training_scenes, unseen_scenes
 from relm_irl_jax.stages.make_agent import needs_features
@@ -85,7 +86,7 @@ def encode_scenes(config: Config, loaders: Sequence[SceneLoader]) -> EncodedScen
     calibration = [_evenly_spaced(load().views, share) for load in loaders] if random else []
     encoder = make_encoder(settings, np.concatenate(calibration) if calibration else None)
     scenes = [_encoded(load, encoder) for load in loaders]
-    if config.scenes == ROOMS:
+    if config.scenes == ROOMS or all(scene.source == SOURCE for scene in scenes):
         _check_apart(encoder, scenes)
     return EncodedScenes(scenes, encoder, encoder.name)
 

@@ -51,6 +51,7 @@ def test_every_variant_changes_its_base():
         "ablation.toml",
         "irl-methods.toml",
         "many-rooms.toml",
+        "map.toml",
     }
     for changes in ({}, read_fields(PRESETS / "quick.toml")):
         base = variant_config(ablation, BASE, "siamese", changes, Path("x"))
