@@ -17,7 +17,7 @@ from relm_irl_jax.irl.interior_point import solve_by_interior_point
 MANY_STATES = 2000
 """States from which this is faster; no built-in room has as many."""
 
-FIRST_STATES, ADDED_STATES = 512, 256
+FIRST_STATES, ADDED_STATES = 1000, 1000
 """States whose bounds are in the first program, and most that are added at a time."""
 
 MAX_ROUNDS = 50
