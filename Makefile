@@ -3,7 +3,10 @@
 PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
+DOCS   := $(VENV)-docs
 STAMP  := $(VENV)/.ready-$(shell cat requirements.lock pyproject.toml | cksum | cut -d' ' -f1)
+
+DOCS_STAMP := $(DOCS)/.ready-$(shell cksum < requirements-docs.lock | cut -d' ' -f1)
 
 # Compiled programs are kept, in the folder in which the tests keep theirs.
 KEPT   := JAX_COMPILATION_CACHE_DIR='$(CURDIR)/.cache/jax' JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS=0 \
@@ -14,7 +17,7 @@ FAST   := JAX_DISABLE_MOST_OPTIMIZATIONS=0
 # A variable that is not given leaves the value of the configuration.
 TASK    ?=  ## I, II or III: the task that is evaluated; II by default.
 METHOD  ?=  ## all, or some of random, bc, rl, irl, elm-irl, relm-irl, as in METHOD="rl irl".
-AGENT   ?=  ## siamese, metric or map; siamese by default.
+AGENT   ?=  ## siamese, metric, map, recurrent or savn; by default all: siamese, and metric and map beside it.
 SCENES  ?=  ## rooms for the built-in ones, or a folder of scene files.
 SEEDS   ?=  ## Number of seeds.
 FRAMES  ?=  ## Training frames for each method and seed: 5000000, 5e6, 5M or 600k.
@@ -26,7 +29,7 @@ QUICK   ?=  ## 1 for tiny rooms, few frames and seeds: whether everything runs, 
 JOBS    ?=  ## Runs of a study at a time; 1 by default.
 ARGS    ?=  ## More options of the command, as in ARGS="--siamese.width 256"; for tests, of pytest.
 
-.PHONY: help setup train evaluate report play test slow chaos fuzz smoke lint bench paper weights notebook notebooks lock clean
+.PHONY: help setup train evaluate report play test slow chaos fuzz smoke lint bench paper weights notebook notebooks docs lock clean
 
 # A variable on the command line that no target of it uses is refused. (help and refusals: .ci/makefile.py)
 GIVEN   := $(sort $(foreach name,$(.VARIABLES),$(if $(filter command,$(origin $(name))),$(name))))
@@ -95,16 +98,28 @@ paper: $(STAMP)  ## Make every table and figure of the paper. [PIECE VARIANT QUI
 weights: $(STAMP)  ## Train the mapping agent's weights that come with the package. [ARGS]
 	@$(BIN)/python experiments/map_weights.py $(ARGS)
 
-notebooks: $(STAMP)  ## Run the notebooks of experiments/notebooks. [ARGS]
-	@$(KEPT) $(BIN)/python -m pytest --nbmake --nbmake-timeout=300 -p no:cacheprovider $(ARGS) experiments/notebooks
+notebooks: $(STAMP)  ## Run the notebooks of experiments/notebooks; ARGS=--overwrite saves their outputs. [ARGS]
+	@$(KEPT) PYTHONWARNINGS='ignore:IProgress not found' $(BIN)/python -m pytest --nbmake --nbmake-timeout=300 -p no:cacheprovider $(ARGS) experiments/notebooks
 
 notebook: $(STAMP)  ## Open the notebooks in Jupyter, which is installed into .venv if it is missing.
 	@$(BIN)/python -c 'import jupyterlab' 2>/dev/null || $(BIN)/python -m pip install -q --disable-pip-version-check 'jupyterlab>=4,<5'
 	@$(BIN)/python -m jupyterlab experiments/notebooks
 
-lock:  ## Resolve pyproject.toml into requirements.lock (needs uv).
-	uv pip compile pyproject.toml --extra dev --universal --python-version 3.11 --generate-hashes \
-	  --no-emit-index-url --no-emit-find-links --no-annotate --custom-compile-command "make lock" -o requirements.lock
+$(DOCS_STAMP):
+	@test -x $(DOCS)/bin/python || $(PYTHON) -m venv $(DOCS)
+	@$(DOCS)/bin/python -m pip install -q --disable-pip-version-check --require-hashes -r requirements-docs.lock
+	@rm -f $(DOCS)/.ready-* && touch $@
+
+docs: $(DOCS_STAMP)  ## Build the documentation site, site/index.html. [ARGS]
+	@NO_MKDOCS_2_WARNING=1 $(DOCS)/bin/python -m mkdocs build --strict --clean $(ARGS)
+	@echo "Documentation: site/index.html"
+
+LOCK := --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-emit-find-links --no-annotate \
+        --custom-compile-command "make lock"
+
+lock:  ## Resolve pyproject.toml into requirements.lock and requirements-docs.lock (needs uv).
+	uv pip compile pyproject.toml --extra dev $(LOCK) -o requirements.lock
+	uv pip compile --group docs $(LOCK) -o requirements-docs.lock
 
 clean:  ## Remove the environment and caches, never runs.
-	rm -rf $(VENV) .cache .pytest_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) $(DOCS) site .cache .pytest_cache .ruff_cache .hypothesis

@@ -7,10 +7,11 @@
 Names are imported on first use. Importing the package registers its environments with Gymnasium.
 """
 
+import sys
+from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
-from relm_irl_jax.lazy import lazy_getattr
-from relm_irl_jax.registration import register_environments
+from relm_irl_jax.lazy import deferred, lazy_getattr
 
 if TYPE_CHECKING:
     from relm_irl_jax.api.compare import compare as compare
@@ -44,4 +45,8 @@ def __getattr__(name: str) -> Any:
     return _import_name(name)
 
 
-register_environments()
+register_environments = deferred("relm_irl_jax.registration", "register_environments")
+
+# The command registers them once it has read its arguments: Gymnasium takes a fifth of the time that help may take.
+if PurePath(*sys.argv[:1]).name != "relm-irl":
+    register_environments()

@@ -21,7 +21,8 @@ from relm_irl_jax.run_folder import RunFolder
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from relm_irl_jax.commands import Bench, Check, Evaluate, ExportThor, ExportVizdoom, Generate, Play, Record, Report
+    from relm_irl_jax.commands import Bench, Evaluate, Play, Record, Report
+    from relm_irl_jax.commands_of_scenes import Check, ExportThor, ExportVizdoom, Generate
     from relm_irl_jax.config import Config
     from relm_irl_jax.results import Results
     from relm_irl_jax.stages.episodes import EpisodePath
@@ -37,9 +38,13 @@ encode_training = deferred("relm_irl_jax.stages.encoding", "encode_training")
 evaluate_run = deferred("relm_irl_jax.pipeline", "evaluate_run")
 expert_recordings = deferred("relm_irl_jax.stages.recordings", "expert_recordings")
 agent_recordings = deferred("relm_irl_jax.stages.recordings", "agent_recordings")
+check_demonstrations = deferred("relm_irl_jax.run_config", "check_demonstrations")
+check_output = deferred("relm_irl_jax.stages.exports", "check_output")
+export_recordings = deferred("relm_irl_jax.stages.exports", "export_recordings")
 save_demonstrations = deferred("relm_irl_jax.demonstrations", "save_demonstrations")
 export_scenes = deferred("relm_irl_jax.scenes.recording.export", "export_scenes")
 export_table = deferred("relm_irl_jax.scenes.recording.export", "export_table")
+finding = deferred("relm_irl_jax.report.finding", "finding")
 find_run = deferred("relm_irl_jax.run_config", "find_run")
 generate_room = deferred("relm_irl_jax.scenes.rooms.generate", "generate_room")
 load_config = deferred("relm_irl_jax.config", "load_config")
@@ -49,6 +54,8 @@ locked = deferred("relm_irl_jax.run_config", "locked")
 play_in_terminal = deferred("relm_irl_jax.play.keyboard", "play_in_terminal")
 play_run = deferred("relm_irl_jax.play.animation", "play")
 read_results = deferred("relm_irl_jax.results", "read_results")
+register_environments = deferred("relm_irl_jax.registration", "register_environments")
+record_walk = deferred("relm_irl_jax.play.recording", "record_walk")
 results_file = deferred("relm_irl_jax.stages.own_policies", "results_file")
 run = deferred("relm_irl_jax.pipeline", "run")
 run_path = deferred("relm_irl_jax.run_config", "run_path")
@@ -56,10 +63,15 @@ save_scene = deferred("relm_irl_jax.scenes.scene_file", "save_scene")
 scene_and_targets = deferred("relm_irl_jax.play.keyboard", "scene_and_targets")
 scene_and_targets_of_run = deferred("relm_irl_jax.play.keyboard", "scene_and_targets_of_run")
 scene_files = deferred("relm_irl_jax.scenes.selection", "scene_files")
+search_frames = deferred("relm_irl_jax.play.search", "search_frames")
+search_scene = deferred("relm_irl_jax.play.search", "search_scene")
+show_in_terminal = deferred("relm_irl_jax.play.search", "show_in_terminal")
 thor_scenes = deferred("relm_irl_jax.scenes.recording.thor", "thor_scenes")
 vizdoom_maps = deferred("relm_irl_jax.scenes.recording.vizdoom", "vizdoom_maps")
+write_search_gif = deferred("relm_irl_jax.play.search", "write_search_gif")
 write_report = deferred("relm_irl_jax.report.run_report", "write_report")
 
+Export = deferred("relm_irl_jax.stages.exports", "Export")
 AgentChoice = deferred("relm_irl_jax.stages.episodes", "AgentChoice")
 OwnPolicy = deferred("relm_irl_jax.stages.own_policies", "OwnPolicy")
 
@@ -112,35 +124,38 @@ def _other(name: str, arguments: list[str]) -> None:
     """Any command but `train`."""
     import tyro
 
-    from relm_irl_jax.commands import (
-        Bench,
-        Checked,
-        Evaluate,
-        Exported,
-        Generated,
-        Play,
-        Record,
-        Report,
-        ShownEncoder,
-        TrainedEncoder,
-    )
+    kind, work = _scene_command(name) if name in ("scenes", "encoder") else _run_command(name)
+
+    # A function, so that refused values raise here instead of ending the process within the parser.
+    def parsed(command: Annotated[kind, tyro.conf.arg(name="")]) -> Any:  # pyrefly: ignore
+        return command
+
+    command = tyro.cli(parsed, args=arguments, prog=f"relm-irl {name}", description=COMMANDS[name])
+    register_environments()
+    work(command)
+
+
+def _run_command(name: str) -> tuple[Any, Callable[[Any], None]]:
+    """Arguments of a command, and what does it."""
+    from relm_irl_jax.commands import Bench, Evaluate, Play, Record, Report
 
     kinds: dict[str, tuple[Any, Callable[[Any], None]]] = {
         "evaluate": (Evaluate, _evaluate),
         "report": (Report, _report),
         "play": (Play, _play),
         "demonstrations": (Record, _record),
-        "scenes": (Generated | Checked | Exported, _scenes),
-        "encoder": (TrainedEncoder | ShownEncoder, _encoder),
         "bench": (Bench, _bench),
     }
-    kind, work = kinds[name]
+    return kinds[name]
 
-    # A function, so that refused values raise here instead of ending the process within the parser.
-    def parsed(command: Annotated[kind, tyro.conf.arg(name="")]) -> Any:  # pyrefly: ignore
-        return command
 
-    work(tyro.cli(parsed, args=arguments, prog=f"relm-irl {name}", description=COMMANDS[name]))
+def _scene_command(name: str) -> tuple[Any, Callable[[Any], None]]:
+    """The same for scenes and encoders, whose settings load more."""
+    from relm_irl_jax.commands_of_scenes import Checked, Exported, Generated, ShownEncoder, TrainedEncoder
+
+    return {"scenes": (Generated | Checked | Exported, _scenes), "encoder": (TrainedEncoder | ShownEncoder, _encoder)}[
+        name
+    ]
 
 
 def _train(arguments: list[str]) -> None:
@@ -160,6 +175,7 @@ def _train(arguments: list[str]) -> None:
         return config
 
     config = tyro.cli(parsed, args=arguments, prog="relm-irl train", description=COMMANDS["train"])
+    register_environments()
     Resume.run = run_path(config.resolved())
     folder = run(config)
     _show(load_results(folder), folder.path)
@@ -175,9 +191,14 @@ def _report(command: "Report") -> None:
 
 def _play(command: "Play") -> None:
     console = _console()
+    if command.agent is not None:
+        _play_packaged(command, console)
+        return
     if command.keyboard or command.run is None:
         _play_by_keyboard(command, console)
         return
+    if command.record is not None:
+        raise InputError("record: only walks by keyboard are recorded; add --keyboard, or use `demonstrations`.")
     folder, config = find_run(command.run)
     choice = AgentChoice(command.method, command.task, command.seed)
     for file, path in play_run(config, folder, choice, command.episode):
@@ -192,7 +213,7 @@ def _console() -> "Console":
 
 
 def _scenes(command: Any) -> None:
-    from relm_irl_jax.commands import Export, Generate
+    from relm_irl_jax.commands_of_scenes import Export, Generate
 
     if isinstance(command, Generate):
         _generate(command)
@@ -203,7 +224,7 @@ def _scenes(command: Any) -> None:
 
 
 def _encoder(command: Any) -> None:
-    from relm_irl_jax.commands import ShowEncoder
+    from relm_irl_jax.commands_of_scenes import ShowEncoder
     from relm_irl_jax.features.training.command import provenance_table, quality_table, train_encoder
 
     if isinstance(command, ShowEncoder):
@@ -228,14 +249,20 @@ def _evaluate(command: "Evaluate") -> None:
 
 def _record(command: "Record") -> None:
     folder, config = find_run(command.run)
+    check_output(command.out, command.format)
     ensure_writable(command.out.parent)
     training = encode_training(config)
     if command.method is None:
+        check_demonstrations(config, folder)
         recordings = expert_recordings(config, training, command.seed)
     else:
         choice = AgentChoice(command.method, command.task, command.seed)
         recordings = agent_recordings(config, folder, training, choice, command.episodes)
-    save_demonstrations(recordings, command.out)
+    if command.format == "jsonl":
+        save_demonstrations(recordings, command.out)
+    else:
+        export = Export(command.out, command.format, command.method, command.task, command.seed)
+        export_recordings(config, training, recordings, export)
     count = sum(map(len, recordings.values()))
     _console().print(f"{command.out}: {count} demonstrations", highlight=False, soft_wrap=True)
 
@@ -246,8 +273,26 @@ def _play_by_keyboard(command: "Play", console: "Console") -> None:
     else:
         scene, targets = scene_and_targets_of_run(find_run(command.run)[1], command.task, command.seed, command.scene)
     start, target = draw_episode(scene, targets, command.seed, command.episode)
+    if command.record is not None:
+        ensure_writable(command.record.parent)
     path = play_in_terminal(scene, start, target, console)
     console.print(f"{scene.name}: {_outcome(path)}", highlight=False, soft_wrap=True)
+    if command.record is not None:
+        console.print(record_walk(scene, path, command.record), highlight=False, soft_wrap=True)
+
+
+def _play_packaged(command: "Play", console: "Console") -> None:
+    if command.run is not None or command.keyboard:
+        raise InputError("agent: an agent of the package belongs to no run; give either a run or --agent.")
+    scene, targets = scene_and_targets(command.scene or "bathroom-50", command.target)
+    file = Path("runs") / "play" / f"{command.agent}-{scene.name}-{command.seed}-{command.episode}.gif"
+    ensure_writable(file.parent)
+    search, path = search_scene(scene, targets, command.seed, command.episode)
+    frames = search_frames(search)
+    write_search_gif(file, frames)
+    if console.is_terminal:
+        show_in_terminal(frames, console, 0.35)
+    console.print(f"{file}: {_outcome(path)}", highlight=False, soft_wrap=True)
 
 
 def _outcome(path: "EpisodePath") -> str:
@@ -265,7 +310,7 @@ def _generate(command: "Generate") -> None:
 
 
 def _export(command: "ExportVizdoom | ExportThor") -> None:
-    from relm_irl_jax.commands import ExportVizdoom
+    from relm_irl_jax.commands_of_scenes import ExportVizdoom
 
     if isinstance(command, ExportVizdoom):
         openers = vizdoom_maps(command.maps, command.settings)
@@ -320,4 +365,5 @@ def _pop_option(arguments: list[str], option: str, kind: str, remedy: str) -> tu
 def _show(results: "Results", folder: Path) -> None:
     console = _console()
     console.print(console_table(results))
+    console.print(" ".join(finding(results)), highlight=False)
     console.print(f"Report: {folder / 'report.html'}", highlight=False, soft_wrap=True)

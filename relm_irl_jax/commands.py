@@ -1,20 +1,17 @@
-"""The commands of `relm-irl` but for `train`: their arguments, as they are read and as `--help` describes them.
+"""Commands of `relm-irl`: their arguments, as they are read and as `--help` describes them.
 
-Importing this module loads neither JAX nor any scene source, so that help is quick.
+`commands_of_scenes` has those of scenes and encoders, `config` those of `train`. Importing this module loads neither
+JAX nor settings of other commands, so that help is quick.
 """
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
 import tyro
 from pydantic.dataclasses import dataclass
 
-from relm_irl_jax.bounds import ImageSize, NonNegativeInt, PositiveInt, Seed
-from relm_irl_jax.features.training.settings import EncoderTraining
+from relm_irl_jax.bounds import NonNegativeInt, PositiveInt, Seed
 from relm_irl_jax.results import Method, Task
-from relm_irl_jax.scenes.recording.thor import ThorSettings
-from relm_irl_jax.scenes.recording.vizdoom import VizdoomSettings
-from relm_irl_jax.scenes.scene import ROOM_TYPES
 from relm_irl_jax.transitions import Observed
 
 
@@ -63,21 +60,30 @@ class Play:
     """Number of the episode, which determines start and target."""
     keyboard: bool = False
     """Navigate to a target of the task by keyboard."""
+    agent: Literal["map"] | None = None
+    """Without a run: the mapping agent, with the weights of the package, searches in the scene. A terminal shows it
+    step by step; the animation goes to `runs/play`."""
     scene: str | None = None
-    """Scene for navigation by keyboard: with a run, the name of one of its scenes (default: the first); without a run,
-    a scene file or a built-in room (default: bathroom-0)."""
+    """Scene for the keyboard or the agent: with a run, the name of one of its scenes (default: the first); without a
+    run, a scene file or a built-in room (default: bathroom-0, for an agent bathroom-50)."""
     target: str | None = None
-    """Category of the target object for navigation without a run; by default a random one."""
+    """Category of the target object without a run; by default a random one."""
+    record: Path | None = None
+    """File of demonstrations (JSON lines, as `--irl.demonstrations` reads them) to which a walk by keyboard is added
+    if it reaches its target."""
 
 
 @dataclass(frozen=True)
 class Record:
-    """Write demonstrations of a run as JSON lines, which `--irl.demonstrations` reads."""
+    """Write demonstrations of a run as JSON lines, which `--irl.demonstrations` reads, or for other libraries."""
 
     run: tyro.conf.Positional[Path]
     """Run folder."""
     out: Path
-    """File."""
+    """File; for Minari a folder whose name ends in a version, such as datasets/expert-v0."""
+    format: Literal["jsonl", "minari", "imitation"] = "jsonl"
+    """JSON lines of states and actions; or what an agent of RelmIrl/Task-v0 observes, does and is paid, as a dataset of
+    Minari or as trajectories of the imitation library (.npz)."""
     method: Method | None = None
     """Method whose agent's episodes are written, as far as they reach their target; by default the demonstrations that
     the run's rewards are learned from."""
@@ -87,84 +93,6 @@ class Record:
     """Seed of the run."""
     episodes: PositiveInt = 20
     """Episodes of the agent in each scene."""
-
-
-@dataclass(frozen=True)
-class Generate:
-    """Generate built-in rooms as scene files in the THOR v1 format."""
-
-    out: Path
-    """Output folder."""
-    room_types: tuple[Literal["bathroom", "bedroom", "living_room"], ...] = ROOM_TYPES
-    """Room types."""
-    count: PositiveInt = 1
-    """Rooms of each type."""
-    first: NonNegativeInt = 0
-    """Number of the first room of each type."""
-    size: Literal["full", "tiny"] = "full"
-    """The original scenes' state counts (full), or 12 to 20 places (tiny)."""
-    image_size: ImageSize = 224
-    """Rows and columns of a view."""
-
-
-@dataclass(frozen=True)
-class Check:
-    """Check that scene files are consistent and usable for training."""
-
-    files: tyro.conf.Positional[tuple[Path, ...]]
-    """Scene files, or folders of them."""
-
-
-@dataclass(frozen=True)
-class ExportVizdoom:
-    """Record maps of ViZDoom, which includes Freedoom's maps (pip install vizdoom)."""
-
-    out: Path
-    """Output folder. Existing files are kept; an interrupted recording continues."""
-    maps: tuple[str, ...]
-    """Maps: map01 to map32, or e1m1 to e4m9."""
-    settings: Annotated[VizdoomSettings, tyro.conf.arg(name="")] = VizdoomSettings()
-    """States and views."""
-
-
-@dataclass(frozen=True)
-class ExportThor:
-    """Record scenes of AI2-THOR (pip install ai2thor)."""
-
-    out: Path
-    """Output folder. Existing files are kept; an interrupted recording continues."""
-    scenes: tuple[str, ...]
-    """iTHOR scenes, such as FloorPlan401, or JSON files of ProcTHOR houses."""
-    settings: Annotated[ThorSettings, tyro.conf.arg(name="")] = ThorSettings()
-    """Views."""
-
-
-RecordedVizdoom = Annotated[ExportVizdoom, tyro.conf.subcommand("vizdoom", prefix_name=False)]
-RecordedThor = Annotated[ExportThor, tyro.conf.subcommand("thor", prefix_name=False)]
-
-
-@dataclass(frozen=True)
-class Export:
-    """Record scenes of another simulator as scene files in the THOR v1 format."""
-
-    engine: Annotated[RecordedVizdoom | RecordedThor, tyro.conf.arg(name="")]
-
-
-Generated = Annotated[Generate, tyro.conf.subcommand("generate", prefix_name=False)]
-Checked = Annotated[Check, tyro.conf.subcommand("check", prefix_name=False)]
-Exported = Annotated[Export, tyro.conf.subcommand("export", prefix_name=False)]
-
-
-@dataclass(frozen=True)
-class ShowEncoder:
-    """Show how weights of the small encoder were trained."""
-
-    weights: tyro.conf.Positional[str]
-    """rooms, rooms-paths, or a file of weights."""
-
-
-TrainedEncoder = Annotated[EncoderTraining, tyro.conf.subcommand("train", prefix_name=False)]
-ShownEncoder = Annotated[ShowEncoder, tyro.conf.subcommand("show", prefix_name=False)]
 
 
 @dataclass(frozen=True)

@@ -90,26 +90,55 @@ def _lines(path: Path) -> Iterator[tuple[str, dict[str, Any]]]:
         yield name, demonstration
 
 
-def save_demonstrations(trajectories: Mapping[str, Sequence[Trajectory]] | Sequence[Trajectory], path: Path) -> None:
+ByScene = Mapping[str, Sequence[Trajectory]]
+"""Demonstrations by the name of their scene."""
+
+
+def save_demonstrations(trajectories: ByScene | Sequence[Trajectory], path: Path) -> None:
     """Write demonstrations as JSON lines.
 
     Args:
         trajectories: the demonstrations; by the scene's name, which is then written, or in one scene.
         path: the file, which is overwritten.
     """
+    write_bytes(path, _as_lines(trajectories))
+
+
+def append_demonstrations(trajectories: ByScene, path: Path) -> int:
+    """Add demonstrations to a file of JSON lines, which is created if it is missing.
+
+    Args:
+        trajectories: the demonstrations by the scene's name.
+        path: the file.
+
+    Returns:
+        Number of demonstrations in the file.
+
+    Raises:
+        InputError: the file is not one of demonstrations.
+    """
+    before = sum(1 for _ in _lines(path)) if path.exists() else 0
+    content = path.read_bytes() if before else b""
+    separator = b"" if not content or content.endswith(b"\n") else b"\n"
+    write_bytes(path, content + separator + _as_lines(trajectories))
+    return before + sum(map(len, trajectories.values()))
+
+
+def _as_lines(trajectories: ByScene | Sequence[Trajectory]) -> bytes:
     if isinstance(trajectories, Mapping):
         named = [({"scene": scene}, t) for scene, of_scene in trajectories.items() for t in of_scene]
     else:
         named = [({}, t) for t in trajectories]
     lines = [json.dumps(name | {"states": t.states.tolist(), "actions": t.actions.tolist()}) for name, t in named]
-    write_bytes(path, "".join(line + "\n" for line in lines).encode())
+    return "".join(line + "\n" for line in lines).encode()
 
 
 def from_imitation(trajectory: Any, scene: Scene, name: str = "trajectory") -> Trajectory:
     """Convert a trajectory of the `imitation` library.
 
     Args:
-        trajectory: an object with `obs`, whose observations are numbers of states, and `acts`.
+        trajectory: an object with `acts`, and with `obs` whose observations are numbers of states, or with `infos` that
+            name `state` and `next_state` of each step, as `relm-irl demonstrations --format imitation` writes them.
         scene: the scene that it was recorded in.
         name: name of the trajectory in error messages.
 
@@ -119,7 +148,16 @@ def from_imitation(trajectory: Any, scene: Scene, name: str = "trajectory") -> T
     Raises:
         InputError: see `to_trajectory`.
     """
-    return to_trajectory(list(trajectory.obs), list(trajectory.acts), scene, name)
+    states = list(trajectory.obs)
+    if states and np.ndim(states[0]):
+        try:
+            infos = [json.loads(info) if isinstance(info, str) else info for info in trajectory.infos]
+            states = [infos[0]["state"], *(info["next_state"] for info in infos)]
+        except (ValueError, KeyError, TypeError, IndexError) as error:
+            raise InputError(
+                f"{name}: its observations are no numbers of states, and its `infos` name none ({error})."
+            ) from error
+    return to_trajectory(states, list(trajectory.acts), scene, name)
 
 
 def to_trajectory(states: Sequence[Any], actions: Sequence[Any], scene: Scene, name: str) -> Trajectory:

@@ -67,7 +67,7 @@ def write_checksum(path: Path) -> None:
     Args:
         path: the file.
     """
-    write_bytes(_checksum_path(path), _checksum_of(path).encode())
+    write_bytes(_checksum_path(path), checksum_of(path).encode())
 
 
 def has_checksum(path: Path) -> bool:
@@ -80,7 +80,7 @@ def has_checksum(path: Path) -> bool:
         Whether the file can be used.
     """
     try:
-        return _checksum_path(path).read_bytes().decode(errors="replace") == _checksum_of(path)
+        return _checksum_path(path).read_bytes().decode(errors="replace") == checksum_of(path)
     except OSError:
         return False
 
@@ -89,7 +89,15 @@ def _checksum_path(path: Path) -> Path:
     return path.with_name(f"{path.name}.sha256")
 
 
-def _checksum_of(path: Path) -> str:
+def checksum_of(path: Path) -> str:
+    """The SHA-256 checksum of a file's contents.
+
+    Args:
+        path: the file.
+
+    Returns:
+        64 hexadecimal digits.
+    """
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 

@@ -13,7 +13,7 @@ COMMANDS = {
     "evaluate": "Evaluate the agents of a run on a task, or add your own policy to its tables.",
     "report": "Write the report of a run again.",
     "play": "Save animations of an agent (GIF files in the run folder), or navigate by keyboard.",
-    "demonstrations": "Write demonstrations of a run as JSON lines: the expert's, or episodes of an agent.",
+    "demonstrations": "Write demonstrations of a run, the expert's or an agent's: JSON lines, Minari, imitation.",
     "scenes": "Generate built-in rooms as scene files, record scenes of other simulators, or check scene files.",
     "encoder": "Train the small encoder on generated rooms or your own scenes, or show how weights were trained.",
     "bench": "Measure speed on this computer.",

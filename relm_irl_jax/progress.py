@@ -17,8 +17,9 @@ from rich.progress import (
 from rich.table import Column
 from rich.text import Text
 
-console = Console(stderr=True, markup=False, emoji=False)
-"""Standard error. Names and paths are printed as they are, not as markup."""
+console = Console(stderr=True, markup=False, emoji=False, force_jupyter=False)
+"""Standard error. Names and paths are printed as they are, not as markup. In notebooks, where rich would need a package
+of its own to move a bar, a bar is one line of text when it ends."""
 
 
 class _Rate(ProgressColumn):
@@ -34,7 +35,7 @@ class _Rate(ProgressColumn):
 
 @contextmanager
 def progress_bar(description: str | None, total: int, unit: str) -> Iterator[Callable[[int], None]]:
-    """Show a bar while the block runs.
+    """Show a bar while the block runs. If the block ends without an error and anything was done, the bar ends at 100%.
 
     Args:
         description: label of the bar, for example `rendering bathroom-0`; None for no bar.
@@ -56,8 +57,10 @@ def progress_bar(description: str | None, total: int, unit: str) -> Iterator[Cal
         task = progress.add_task(description or "", total=total, unit=unit)
 
         def advance(done: int) -> None:
-            # Agents round frames up to whole updates; a bar ends at 100% all the same.
+            # Agents round frames to whole updates; a bar ends at 100% all the same.
             completed = progress.tasks[0].completed + done
             progress.update(task, completed=min(completed, total))
 
         yield advance
+        if done := progress.tasks[0].completed:
+            progress.update(task, total=done)

@@ -12,7 +12,7 @@ from filelock import FileLock, Timeout
 
 from relm_irl_jax.config import Config, config_from_dict, config_to_dict, fingerprint, read_fields, trained_part
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.files import remove_partial_files, write_json
+from relm_irl_jax.files import checksum_of, remove_partial_files, write_json
 from relm_irl_jax.run_folder import RunFolder
 
 NEEDED = ("methods", "scenes", "seeds", "frames", "agent")
@@ -84,7 +84,10 @@ def run_path(config: Config) -> Path:
     Returns:
         The path.
     """
-    return config.run or Path("runs") / f"{Path(config.scenes).name}-{fingerprint(config)}"
+    if config.run:
+        return config.run
+    recorded = _recorded(config)
+    return Path("runs") / f"{Path(config.scenes).name}-{fingerprint(config, recorded.get('sha256', ''))}"
 
 
 def open_run(config: Config) -> RunFolder:
@@ -97,7 +100,8 @@ def open_run(config: Config) -> RunFolder:
         The folder, with its `config.json`.
 
     Raises:
-        InputError: the folder contains a run of another configuration, or something other than a run.
+        InputError: the folder contains a run of another configuration, or something other than a run; or the file of
+            recorded demonstrations is not the one of its first training.
     """
     folder = RunFolder(run_path(config))
     path = folder.path
@@ -114,8 +118,42 @@ def open_run(config: Config) -> RunFolder:
             )
     elif path.exists() and any(not file.name.startswith(".") for file in path.iterdir()):
         raise InputError(f"run: {path} is not empty and contains no {folder.config.name}; give a new or empty folder.")
+    check_demonstrations(config, folder)
     write_json(folder.config, config_to_dict(config))
+    if recorded := _recorded(config):
+        write_json(folder.demonstrations, recorded)
     return folder
+
+
+def check_demonstrations(config: Config, folder: RunFolder) -> None:
+    """Refuse a file of recorded demonstrations that has changed since the run's first training.
+
+    Args:
+        config: the configuration.
+        folder: the run folder.
+
+    Raises:
+        InputError: the file has other contents than it had, or is missing.
+    """
+    recorded = _recorded(config)
+    if not recorded or not folder.demonstrations.exists():
+        return
+    if read_fields(folder.demonstrations).get("sha256") != recorded["sha256"]:
+        raise InputError(
+            f"irl.demonstrations: {config.irl.demonstrations} is not the file that the rewards in {folder.path} were "
+            "learned from; restore that file, or give another run folder."
+        )
+
+
+def _recorded(config: Config) -> dict[str, str]:
+    """Name and checksum of the file of recorded demonstrations; empty without one."""
+    path = config.irl.demonstrations
+    if path is None:
+        return {}
+    try:
+        return {"file": str(path), "sha256": checksum_of(path)}
+    except FileNotFoundError as error:
+        raise InputError(f"irl.demonstrations: {path}: no such file; give a file of demonstrations.") from error
 
 
 def find_run(path: Path) -> tuple[RunFolder, Config]:

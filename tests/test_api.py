@@ -14,17 +14,24 @@ import relm_irl_jax as relm
 from relm_irl_jax.agents.random_agent import RandomPolicy
 from relm_irl_jax.agents.training import LearningCurve
 from relm_irl_jax.api.compare import Comparison
+from relm_irl_jax.api.scenes import config_of
 from relm_irl_jax.batch_policies import Protocol, evaluate_batch_policy
 from relm_irl_jax.config import Config, overlay
 from relm_irl_jax.env import Transition
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.evaluation import evaluate
+from relm_irl_jax.irl import relative_features
+from relm_irl_jax.irl import reward as reward_of_states
 from relm_irl_jax.tasks import draw_split
 from relm_irl_jax.types import NO_MEMORY
 from relm_irl_jax.world import build_targets, build_world
 
 CONFIG = overlay(Config(), {"tasks": {"training_targets": 6, "new_targets_per_scene": 2, "cap": 12}}, "test")
 CONFIG = overlay(CONFIG, {"evaluation": {"episodes": 40}}, "test")
+
+
+RAW = {"reward": "irl", "config": overlay(CONFIG, {"irl": {"dimension": 0, "sub_trajectories": False}}, "test")}
+"""Weights of the features themselves, for the training targets alone."""
 
 
 def one_hot_rooms():
@@ -186,18 +193,56 @@ def test_a_trained_agent_is_evaluated_on_its_own_seeds():
     [
         ({"reward": "rml"}, "give one of bc, rl, constant, irl"),
         ({"agent": "metric", "reward": distance_reward}, "plans with costs of states"),
-        ({"agent": "map", "reward": distance_reward}, "map takes rooms or a folder"),
+        ({"agent": "map", "reward": distance_reward}, "plans with costs of states"),
         ({"frames": "many"}, "frames"),
         ({"seeds": 0}, "seeds: 0 is refused"),
         ({"scenes": []}, "the list is empty"),
         ({"scenes": "/nowhere"}, "/nowhere"),
         ({"agent": "mapp"}, "agent"),
         ({"reward": lambda t: t.view}, "return one number for a transition"),
+        ({"irl": lambda problem: np.ones(3)}, "rl learns no weights; give reward='irl', 'elm-irl', 'relm-irl'"),
+        ({**RAW, "irl": lambda problem: np.ones(3)}, r"must return \d+ finite weights .* of shape \(3,\)"),
+        ({**RAW, "irl": lambda problem: "w"}, "must return .* finite weights"),
     ],
 )
 def test_bad_arguments_are_one_sentence(arguments, sentence):
     with pytest.raises(InputError, match=sentence):
         relm.train(**{"scenes": one_hot_rooms(), "config": replace(CONFIG, siamese=SMALL), "frames": 64} | arguments)
+
+
+@pytest.mark.slow  # compiles the whole agent
+def test_the_mapping_agent_in_listed_rooms():
+    config = overlay(CONFIG, {"map": {"weights": "package"}, "tasks": {"cap": 8}}, "test")
+    train, unseen = (relm.rooms(f"bathroom-{number}", size="tiny", image_size=32) for number in (0, 7))
+    trained = relm.train(train, "map", config=config)
+    seen = relm.evaluate(trained, "I", episodes=4)
+    new = relm.evaluate(trained, "III", unseen=unseen, episodes=4)
+    assert [(row.scene, row.agent) for row in (*seen.rows, *new.rows)] == [("bathroom-0", "map"), ("bathroom-7", "map")]
+    assert seen.encoder == new.encoder == "none"
+
+
+def test_own_weights_are_what_the_agent_is_paid():
+    rooms, agent, problems = one_hot_rooms(), NoAgent(), []
+
+    def weights_of(problem):
+        problems.append(problem)
+        psi = relative_features(problem.features, problem.expert.target)
+        return np.linalg.lstsq(psi, -np.arange(len(psi), dtype=float), rcond=None)[0]  # any numbers
+
+    config = overlay(CONFIG, {"irl": {"dimension": 0, "minimum_cost": 0.0, "sub_trajectories": False}}, "test")
+    relm.train(rooms, agent, "irl", 64, irl=weights_of, config=config)
+    split = draw_split(rooms, (), config.tasks, 0)
+    assert [problem.expert.target for problem in problems] == [target.state for target in split.training]
+    learned = agent.problems[0].reward
+    theirs = NoAgent()
+    relm.train(rooms, theirs, "irl", 64, config=config)
+    assert not np.allclose(learned.weights, theirs.problems[0].reward.weights)
+    expected = [weights_of(problem) for problem in tuple(problems)]
+    pairs = list(zip(problems[: len(expected)], expected, strict=True))
+    largest = [np.abs(reward_of_states(p.features, p.expert.target, w)).max() for p, w in pairs]
+    np.testing.assert_allclose(
+        np.asarray(learned.weights)[: len(expected)], np.asarray(expected) / np.asarray(largest)[:, None], rtol=1e-4
+    )
 
 
 def test_results_that_were_not_measured_alike_are_not_compared(tmp_path):
@@ -218,6 +263,15 @@ def test_results_that_were_not_measured_alike_are_not_compared(tmp_path):
     with pytest.raises(InputError, match="cannot be read"):
         relm.compare(tmp_path / "neither.json")
     assert isinstance(relm.compare(first), Comparison)
+
+
+def test_listed_rooms_are_encoded_as_rooms():
+    listed = relm.rooms("bathroom-0", size="tiny")
+    assert listed[0].views.shape[1:] == (64, 64, 3)
+    assert config_of(listed, None).encoder.weights == "rooms"
+    random = overlay(Config(), {"encoder": {"weights": "random"}}, "test")
+    assert config_of(listed, random).encoder.weights == "random"
+    assert config_of(one_hot_rooms(), None).encoder.weights == "auto"  # they have features
 
 
 def test_rooms_and_folders_are_loaded():

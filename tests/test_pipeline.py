@@ -247,3 +247,13 @@ def test_demonstrations_of_a_run_are_written_and_read_again(first, folder, optio
     assert sum(map(len, read)) == len(lines)
     if not options:
         assert len(lines) == 12 * 4
+
+
+@pytest.mark.parametrize(
+    ("form", "name", "file"),
+    [("minari", "expert-v0", "expert-v0/data/main_data.hdf5"), ("imitation", "x.npz", "x.npz")],
+)
+def test_demonstrations_of_a_run_for_other_libraries(first, folder, form, name, file):
+    out, _ = succeed(folder, "demonstrations", "one", "--format", form, "--out", name)
+    assert f"{name}: 48 demonstrations" in out
+    assert (folder / file).stat().st_size > 1000

@@ -1,7 +1,7 @@
 """A DQN of stable-baselines3 on a task of the paper, from training to its row in the table.
 
     pip install stable-baselines3
-    python experiments/examples/dqn_stable_baselines3.py --frames 200000 --tasks I II
+    python experiments/examples/dqn_stable_baselines3.py --frames 300000 --tasks I II
 
 trains on the training targets of seed 0, saves `runs/examples/dqn-0.zip` and prints a table for each task. From then on
 
@@ -41,11 +41,11 @@ def train(seed: int, frames: int) -> None:
         "MultiInputPolicy",
         environment,
         learning_rate=3e-4,
-        buffer_size=20_000,
+        buffer_size=100_000,
         learning_starts=5_000,
         batch_size=128,
         train_freq=1,
-        gradient_steps=4,
+        gradient_steps=8,
         target_update_interval=1_000,
         exploration_fraction=0.5,
         policy_kwargs={"net_arch": [256, 256]},
@@ -59,7 +59,7 @@ def train(seed: int, frames: int) -> None:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--frames", type=int, default=200_000)
+    parser.add_argument("--frames", type=int, default=300_000)
     parser.add_argument("--tasks", choices=("I", "II", "III"), nargs="+", default=["I", "II"])
     arguments = parser.parse_args()
     train(0, arguments.frames)

@@ -6,9 +6,11 @@ from typing import Literal
 
 import numpy as np
 
+from relm_irl_jax.agents.map.agent import MapAgent
+from relm_irl_jax.agents.map.network import VIEW
 from relm_irl_jax.agents.random_agent import RandomPolicy
 from relm_irl_jax.api.scenes import Scenes, config_of
-from relm_irl_jax.api.setting import Setting, prepare
+from relm_irl_jax.api.setting import ListedViews, Setting, prepare
 from relm_irl_jax.api.train import Trained, numbered
 from relm_irl_jax.batch_policies import BatchPolicy, Protocol, evaluate_batch_policy
 from relm_irl_jax.config import Config, overlay
@@ -64,6 +66,9 @@ def evaluate(
         InputError: an argument or the scenes cannot be used, or the policy returns something other than actions.
     """
     setting = _setting(agent, scenes, unseen, targets, config)
+    if unseen is not None and isinstance(agent, Trained) and isinstance(agent.agent, MapAgent):
+        listed = agent.agent.views.scenes if isinstance(agent.agent.views, ListedViews) else ()
+        agent = replace(agent, agent=replace(agent.agent, views=ListedViews((*listed, *unseen), VIEW)))
     if task == "III" and setting.unseen is not None and not setting.unseen:
         raise InputError("unseen: Task III needs scenes that the agent was not trained in; give a list of them.")
     changes = {"task": task} | ({} if episodes is None else {"evaluation": {"episodes": episodes}})

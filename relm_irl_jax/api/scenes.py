@@ -7,7 +7,9 @@ from typing import Literal
 
 from relm_irl_jax.config import Config, overlay
 from relm_irl_jax.errors import InputError
+from relm_irl_jax.features.settings import SMALL_IMAGE_SIZE, settings_for
 from relm_irl_jax.scenes.rooms.cache import built_in_room
+from relm_irl_jax.scenes.rooms.room_specifications import SOURCE
 from relm_irl_jax.scenes.scene import ROOM_TYPES, Scene
 from relm_irl_jax.scenes.scene_file import load_scene
 from relm_irl_jax.scenes.selection import ROOMS, check_scenes_setting, scene_files, training_scenes
@@ -15,16 +17,16 @@ from relm_irl_jax.scenes.selection import ROOMS, check_scenes_setting, scene_fil
 Scenes = Sequence[Scene] | str | Path
 """Scenes; or `rooms` for the built-in training rooms; or a folder of scene files, whose first ones are for training."""
 
-DEFAULT = Config()
+DEFAULT = Config(agent="siamese")
 
 
-def rooms(*names: str, size: Literal["full", "tiny"] = "full", image_size: int = 224) -> list[Scene]:
+def rooms(*names: str, size: Literal["full", "tiny"] = "full", image_size: int = SMALL_IMAGE_SIZE) -> list[Scene]:
     """Built-in rooms; each is generated once and then read from the user's cache folder.
 
     Args:
         names: `bathroom-N`, `bedroom-N` or `living_room-N`, with any number N; none for the six training rooms.
         size: the original scenes' state counts (full), or 12 to 20 places (tiny).
-        image_size: rows and columns of a view.
+        image_size: rows and columns of a view; by default as many as the default encoder takes.
 
     Returns:
         The scenes, with views.
@@ -63,7 +65,8 @@ def config_of(scenes: Scenes, config: Config | None, targets: int | None = None)
 
     Args:
         scenes: the scenes.
-        config: all other settings; None for the default ones.
+        config: all other settings; None for the default ones. The default encoder of listed built-in rooms is that of
+            `rooms`.
         targets: number of training targets. None for the configuration's; for a list of scenes and default settings, as
             many for a scene as the default has, 20 in six scenes.
 
@@ -80,6 +83,8 @@ def config_of(scenes: Scenes, config: Config | None, targets: int | None = None)
         six = len(ROOM_TYPES) * DEFAULT.scene.training_per_type
         targets = max(1, round(DEFAULT.tasks.training_targets * len(scenes) / six))
     changes: dict = {"scenes": "a list" if listed else str(scenes)}
+    if listed and all(scene.source == SOURCE and scene.features is None for scene in scenes):
+        changes["encoder"] = {"weights": settings_for((config or DEFAULT).encoder, built_in=True).weights}
     if targets is not None:
         changes["tasks"] = {"training_targets": targets}
     return overlay(config or DEFAULT, changes, "relm_irl_jax")

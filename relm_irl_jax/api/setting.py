@@ -6,12 +6,22 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import UInt8
 
 from relm_irl_jax.api.scenes import Scenes
 from relm_irl_jax.config import Config
 from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.scenes.selection import check_scenes_setting, loader, training_scenes, unseen_scenes
-from relm_irl_jax.stages.encoding import EncodedScenes, encode_more, encode_scenes, encode_training, scene_settings
+from relm_irl_jax.scenes.views import resized
+from relm_irl_jax.stages.encoding import (
+    EncodedScenes,
+    encode_more,
+    encode_scenes,
+    encode_training,
+    scene_settings,
+    scenes_without_features,
+)
+from relm_irl_jax.stages.make_agent import needs_features
 from relm_irl_jax.stages.worlds import EvaluationTask, evaluation_task
 from relm_irl_jax.transitions import Observed
 
@@ -51,6 +61,27 @@ class Setting:
         return [views[scene.name] for scene in task.scenes]
 
 
+@dataclass(frozen=True, eq=False)
+class ListedViews:
+    """Views of listed scenes by the scene's name, for an agent that looks at pixels.
+
+    Attributes:
+        scenes: the scenes.
+        size: rows and columns of a view.
+    """
+
+    scenes: Sequence[Scene]
+    size: int
+
+    def __call__(self, name: str) -> UInt8[np.ndarray, "states size size 3"]:
+        """Views of a scene at the agent's size.
+
+        Raises:
+            InputError: the scene has no views.
+        """
+        return resized(next(scene for scene in self.scenes if scene.name == name), self.size)
+
+
 def prepare(scenes: Scenes, config: Config, unseen: Sequence[Scene] | None = None) -> Setting:
     """Encode the training scenes.
 
@@ -65,9 +96,9 @@ def prepare(scenes: Scenes, config: Config, unseen: Sequence[Scene] | None = Non
     if isinstance(scenes, str | Path):
         check_scenes_setting(config.scenes)
         return Setting(config, _encoded(config), None, unseen)
-    return Setting(
-        config, encode_scenes(config, [loader(scene) for scene in scenes]), scenes, unseen if unseen is not None else []
-    )
+    loaders = [loader(scene) for scene in scenes]
+    encoded = encode_scenes(config, loaders) if needs_features(config) else scenes_without_features(loaders)
+    return Setting(config, encoded, scenes, unseen if unseen is not None else [])
 
 
 @lru_cache(maxsize=1)

@@ -10,14 +10,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from relm_irl_jax.agents.map.agent import MapAgent
+from relm_irl_jax.agents.map.network import VIEW
 from relm_irl_jax.api.scenes import Scenes, config_of
-from relm_irl_jax.api.setting import Setting, prepare
+from relm_irl_jax.api.setting import ListedViews, Setting, prepare
 from relm_irl_jax.config import METHODS, Config, Method, overlay
 from relm_irl_jax.errors import InputError
+from relm_irl_jax.irl import WeightsOf
 from relm_irl_jax.progress import progress_bar
 from relm_irl_jax.results import LEARNED
 from relm_irl_jax.rewards.functions import OwnReward
-from relm_irl_jax.stages.make_agent import check_agent, make_agent
+from relm_irl_jax.stages.make_agent import check_agent, make_agent, trains
 from relm_irl_jax.stages.rewards import learn
 from relm_irl_jax.stages.training import SeedInputs, training_problem
 from relm_irl_jax.stages.worlds import EvaluationTask
@@ -86,6 +89,7 @@ def train(
     *,
     seeds: int | Sequence[int] = 1,
     targets: int | None = None,
+    irl: WeightsOf | None = None,
     name: str | None = None,
     config: Config | None = None,
 ) -> Trained:
@@ -93,14 +97,18 @@ def train(
 
     Args:
         scenes: the training scenes: a list, `rooms` or a folder.
-        agent: `siamese`, `metric` or `map`; or an object with the protocol `relm_irl_jax.types.Agent`.
+        agent: `siamese`, `recurrent`, `savn`, `metric` or `map`; or an object with the protocol
+            `relm_irl_jax.types.Agent`.
         reward: a pure function of `relm_irl_jax.transitions.TransitionFeatures` that JAX can trace; or a method of the
             paper: `rl` (hand-made), `irl`, `elm-irl` or `relm-irl`.
         frames: training frames for each seed, such as `300k` or 5e6; by default the agent's.
         seeds: number of seeds 0, 1, ..., or the seeds. Each draws targets of its own and trains a network of its own.
         targets: number of training targets; by default 20 in six scenes, and as many for a scene in other lists.
+        irl: with `irl`, `elm-irl` or `relm-irl`, your own source of the weights w: a function of a
+            `relm_irl_jax.irl.MaxMarginProblem`, called for every target. By default the configuration's method.
         name: its name in tables; by default the reward's.
-        config: all other settings; by default those of `relm-irl train`.
+        config: all other settings; by default those of `relm-irl train`. The mapping agent trains on listed scenes,
+            unless `map.weights` names its weights (`package` for built-in rooms).
 
     Returns:
         The trained agent. Evaluation targets of its seeds, and unseen scenes, were not used.
@@ -121,20 +129,23 @@ def train(
         raise InputError("config: siamese.observe_reward needs a run folder; use `relm-irl train`.")
     if isinstance(agent, str):
         check_agent(settings, ("I",))
-    if agent == "map" and not isinstance(scenes, str | Path):
-        raise InputError("agent: map takes rooms or a folder of scene files, not a list of scenes.")
     learner = make_agent(settings, method) if isinstance(agent, str) else agent
+    if isinstance(learner, MapAgent) and not isinstance(scenes, str | Path):
+        learner = replace(learner, views=ListedViews(scenes, VIEW))
     if callable(reward) and (learner.name == "map" or "goals" in learner.requires):
         raise InputError(
             f"reward: the agent {learner.name} plans with costs of states, and trains on no reward of transitions; "
             "give another agent, such as siamese."
         )
+    if irl is not None and method not in LEARNED:
+        raise InputError(f"irl: {method} learns no weights; give reward={', '.join(map(repr, LEARNED))}.")
     setting = prepare(scenes, settings)
     title = name or (method if isinstance(reward, str) else getattr(reward, "__name__", "own reward").strip("<>"))
     parameters, curves = {}, {}
     for seed in numbered(seeds):
-        problem = _problem(setting, method, seed, learner, reward)
-        with progress_bar(f"training {title}, seed {seed}", problem.frames, "frames") as advance:
+        problem = _problem(setting, method, seed, learner, (reward, irl))
+        trained = not isinstance(agent, str) or trains(settings)  # the mapping agent may come with weights
+        with progress_bar(f"training {title}, seed {seed}" if trained else None, problem.frames, "frames") as advance:
             parameters[seed], curve = learner.train(jax.random.key(seed), problem, _BarLog(advance))
         curves[seed] = {c.name: np.asarray(getattr(curve, c.name)) for c in dataclasses.fields(curve)}
     return Trained(title, learner, setting, parameters, curves)
@@ -170,16 +181,18 @@ def _method(reward: str | FeatureReward) -> Method:
     return cast(Method, reward)
 
 
-def _problem(setting: Setting, method: Method, seed: int, agent: Agent, reward: str | FeatureReward) -> TrainingProblem:
-    scenes, config = setting.training.scenes, setting.config
+def _problem(
+    setting: Setting, method: Method, seed: int, agent: Agent, own: tuple[str | FeatureReward, WeightsOf | None]
+) -> TrainingProblem:
+    scenes, config, (reward, irl) = setting.training.scenes, setting.config, own
     split = draw_split(scenes, (), config.tasks, seed)
-    learned = learn(config, scenes, split, seed) if method in LEARNED else None
+    learned = learn(config, scenes, split, seed, weights_of=irl) if method in LEARNED else None
     problem = training_problem(config, method, SeedInputs(seed, scenes, split, learned), agent)
     if isinstance(reward, str):
         return problem
-    own = OwnReward(jnp.asarray(np.concatenate([scene.encoded for scene in scenes])), reward)
-    assert len(own.features) == scene_offsets(scenes)[-1] + scenes[-1].n_states
-    return replace(problem, reward=own)
+    paid = OwnReward(jnp.asarray(np.concatenate([scene.encoded for scene in scenes])), reward)
+    assert len(paid.features) == scene_offsets(scenes)[-1] + scenes[-1].n_states
+    return replace(problem, reward=paid)
 
 
 class _BarLog(TrainingLog):

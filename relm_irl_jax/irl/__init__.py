@@ -10,7 +10,9 @@ from relm_irl_jax.lazy import lazy_getattr
 
 if TYPE_CHECKING:
     from relm_irl_jax.irl.expectations import feature_expectations as feature_expectations
+    from relm_irl_jax.irl.methods import WeightsOf as WeightsOf
     from relm_irl_jax.irl.methods import learn_weights as learn_weights
+    from relm_irl_jax.irl.methods import learn_weights_by as learn_weights_by
     from relm_irl_jax.irl.parallel import solve_many as solve_many
     from relm_irl_jax.irl.problem import MaxMarginProblem as MaxMarginProblem
     from relm_irl_jax.irl.problem import MaxMarginSettings as MaxMarginSettings
@@ -26,6 +28,8 @@ _MODULES = {
     "feature_expectations": "expectations",
     "IrlMethodSettings": "settings",
     "learn_weights": "methods",
+    "learn_weights_by": "methods",
+    "WeightsOf": "methods",
     "solve_many": "parallel",
     "MaxMarginProblem": "problem",
     "MaxMarginSettings": "problem",

@@ -1,6 +1,9 @@
 """All methods of inverse reinforcement learning: one function, `learn_weights`, and one settings class."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from jaxtyping import Real
 
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.irl.apprenticeship import apprenticeship
@@ -9,8 +12,11 @@ from relm_irl_jax.irl.max_margin_planning import max_margin_planning
 from relm_irl_jax.irl.parallel import solve_many
 from relm_irl_jax.irl.problem import MaxMarginProblem
 from relm_irl_jax.irl.settings import IrlMethodSettings
-from relm_irl_jax.irl.solution import Solution, Status, unsolved
+from relm_irl_jax.irl.solution import Solution, Status, normalised_solution, unsolved
 from relm_irl_jax.progress import progress_bar
+
+WeightsOf = Callable[[MaxMarginProblem], Real[np.ndarray, "d"]]
+"""A user's own source of weights: w for the expert and the features of a problem."""
 
 
 def learn_weights(
@@ -37,6 +43,37 @@ def learn_weights(
     with progress_bar(description, len(problems), "problems") as advance:
         for problem in problems:
             solutions.append(_learn_one(problem, settings))
+            advance(1)
+    return tuple(solutions)
+
+
+def learn_weights_by(
+    weights_of: WeightsOf, problems: Sequence[MaxMarginProblem], settings: IrlMethodSettings
+) -> tuple[Solution, ...]:
+    """Weights from a user's own method of inverse reinforcement learning, or from any other source.
+
+    Args:
+        weights_of: returns w for a problem; it is scaled to a largest |reward| of r_max.
+        problems: the problems.
+        settings: discount and r_max.
+
+    Returns:
+        One solution for each problem; its objective is the sum of the margins.
+
+    Raises:
+        InputError: the function returns something other than one finite number for each feature.
+    """
+    solutions = []
+    with progress_bar("inverse RL", len(problems), "problems") as advance:
+        for problem in problems:
+            w, needed = np.asarray(weights_of(problem)), problem.features.shape[1]
+            if w.shape != (needed,) or not np.issubdtype(w.dtype, np.number) or not np.isfinite(w).all():
+                raise InputError(
+                    f"irl: your function must return {needed} finite weights for {problem.name}, one for each feature; "
+                    f"it returned an array of shape {w.shape} and type {w.dtype}."
+                )
+            shared = {"discount": settings.max_margin.discount, "r_max": settings.max_margin.r_max}
+            solutions.append(normalised_solution(problem, w.astype(np.float64), Status.OPTIMAL, gap=np.nan, **shared))
             advance(1)
     return tuple(solutions)
 

@@ -22,7 +22,7 @@ from relm_irl_jax.experts import (
     shortest_path_trajectories,
     sub_trajectories,
 )
-from relm_irl_jax.irl import MaxMarginProblem, Solution, learn_weights
+from relm_irl_jax.irl import MaxMarginProblem, Solution, WeightsOf, learn_weights, learn_weights_by
 from relm_irl_jax.progress import console
 from relm_irl_jax.rewards.settings import IrlSettings
 from relm_irl_jax.scenes.scene import Scene, successors
@@ -133,12 +133,37 @@ def recorded_demonstrations(
     return recorded
 
 
+def describe_recorded(scenes: Sequence[Scene], split: TaskSplit, path: Path) -> str:
+    """One sentence on what a file of demonstrations is used for.
+
+    Args:
+        scenes: training scenes.
+        split: the targets.
+        path: the file.
+
+    Returns:
+        The sentence, with numbers of demonstrations and of targets.
+
+    Raises:
+        InputError: see `recorded_demonstrations`.
+    """
+    recorded = recorded_demonstrations(scenes, split, path)
+    total = sum(map(len, load_demonstrations_by_scene(path, scenes)))
+    used, without = sum(map(len, recorded.values())), len(split.training) - len(recorded)
+    return (
+        f"{path}: {used} of {total} demonstrations lead to {len(recorded)} of {len(split.training)} training targets "
+        f"and are used; the shortest-path expert demonstrates the other {without} targets."
+    )
+
+
 def learn_demonstrated_rewards(
     scenes: Sequence[Scene],
     split: TaskSplit,
     phi: Sequence[Float64[np.ndarray, "_ d"]],
     settings: IrlSettings,
     seed: int,
+    *,
+    weights_of: WeightsOf | None = None,
 ) -> tuple[DemonstratedReward, ...]:
     """Demonstrate every training target and solve for its reward weights.
 
@@ -148,6 +173,7 @@ def learn_demonstrated_rewards(
         phi: reward features of each scene.
         settings: number of demonstrations, and the IRL method.
         seed: the run's seed.
+        weights_of: a user's own source of weights, instead of the IRL method.
 
     Returns:
         The demonstrated rewards, those of training targets first; sub-trajectories whose problem has no solution are
@@ -169,6 +195,9 @@ def learn_demonstrated_rewards(
     parts = [to_solve[first : first + in_part] for first in range(0, len(to_solve), in_part)]
     solutions, began = [], time.monotonic()
     for number, part in enumerate(parts, start=1):
+        if weights_of is not None:
+            solutions += learn_weights_by(weights_of, [problem(item) for item in part], settings)
+            continue
         description = "inverse RL" if len(parts) == 1 else f"inverse RL, part {number}/{len(parts)}"
         solutions += learn_weights([problem(item) for item in part], settings, settings.processes or None, description)
         if number < len(parts):

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float32, Float64, Int32
 
 from relm_irl_jax.elm import ELMRegressor
+from relm_irl_jax.irl import WeightsOf
 from relm_irl_jax.rewards.basis import RewardBasis, fit_basis
 from relm_irl_jax.rewards.demonstrated import DemonstratedReward, learn_demonstrated_rewards
 from relm_irl_jax.rewards.equation import LinearRewardForm, form_of
@@ -39,7 +40,13 @@ class LearnedRewards:
 
 
 def learn_rewards(
-    scenes: Sequence[Scene], split: TaskSplit, irl: IrlSettings, elm: ElmSettings, seed: int
+    scenes: Sequence[Scene],
+    split: TaskSplit,
+    irl: IrlSettings,
+    elm: ElmSettings,
+    seed: int,
+    *,
+    weights_of: WeightsOf | None = None,
 ) -> LearnedRewards:
     """Learn rewards from demonstrations, and fit the regressors that predict weights for other pairs of views.
 
@@ -49,6 +56,7 @@ def learn_rewards(
         irl: demonstrations and inverse reinforcement learning.
         elm: the regressors.
         seed: the run's seed.
+        weights_of: a user's own source of weights, instead of the IRL method.
 
     Returns:
         The learned rewards.
@@ -56,11 +64,18 @@ def learn_rewards(
     Raises:
         InputError: the settings do not suit the scenes, or a problem has no solution.
     """
-    learned = learn_demonstrated(scenes, split, irl, seed)
+    learned = learn_demonstrated(scenes, split, irl, seed, weights_of=weights_of)
     return replace(learned, regressors=fit_regressors(scenes, learned.demonstrated, elm, seed))
 
 
-def learn_demonstrated(scenes: Sequence[Scene], split: TaskSplit, settings: IrlSettings, seed: int) -> LearnedRewards:
+def learn_demonstrated(
+    scenes: Sequence[Scene],
+    split: TaskSplit,
+    settings: IrlSettings,
+    seed: int,
+    *,
+    weights_of: WeightsOf | None = None,
+) -> LearnedRewards:
     """Learn rewards from demonstrations alone.
 
     Args:
@@ -68,6 +83,7 @@ def learn_demonstrated(scenes: Sequence[Scene], split: TaskSplit, settings: IrlS
         split: the targets of all tasks; only training targets are demonstrated.
         settings: demonstrations and inverse reinforcement learning.
         seed: the run's seed.
+        weights_of: see `learn_rewards`.
 
     Returns:
         The learned rewards, without regressors.
@@ -77,7 +93,7 @@ def learn_demonstrated(scenes: Sequence[Scene], split: TaskSplit, settings: IrlS
     """
     basis = fit_basis(scenes, settings.dimension)
     phi = tuple(basis.phi(scene) for scene in scenes)
-    demonstrated = learn_demonstrated_rewards(scenes, split, phi, settings, seed)
+    demonstrated = learn_demonstrated_rewards(scenes, split, phi, settings, seed, weights_of=weights_of)
     return LearnedRewards(basis, phi, demonstrated, {}, form_of(settings))
 
 

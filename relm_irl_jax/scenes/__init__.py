@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from relm_irl_jax.scenes.recording.simulator import next_pose as next_pose
     from relm_irl_jax.scenes.rooms.generate import generate_room as generate_room
     from relm_irl_jax.scenes.scene import Scene as Scene
+    from relm_irl_jax.scenes.scene import successors as successors
     from relm_irl_jax.scenes.scene_file import load_scene as load_scene
     from relm_irl_jax.scenes.scene_file import save_scene as save_scene
 
@@ -28,6 +29,7 @@ _MODULES = {
     "next_pose": "recording.simulator",
     "record_scene": "recording.record",
     "save_scene": "scene_file",
+    "successors": "scene",
 }
 
 __all__ = sorted(_MODULES)

@@ -13,6 +13,7 @@ from relm_irl_jax.features.cache import encode_scene
 from relm_irl_jax.features.encoder import N_CALIBRATION_VIEWS, Encoder, Views, image_size_of, make_encoder
 from relm_irl_jax.files import write_json
 from relm_irl_jax.run_folder import RunFolder
+from relm_irl_jax.scenes.rooms.room_specifications import SOURCE
 from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.scenes.selection import ROOMS, SceneLoader, SceneSettings, training_scenes, unseen_scenes
 from relm_irl_jax.stages.make_agent import needs_features
@@ -46,9 +47,19 @@ def encode_training(config: Config) -> EncodedScenes:
         The training scenes with features; without columns if neither the agents nor the rewards need features.
     """
     loaders = training_scenes(config.scenes, scene_settings(config))
-    if not needs_features(config):
-        return EncodedScenes([_without_features(load(views=False)) for load in loaders], None, NO_ENCODER)
-    return encode_scenes(config, loaders)
+    return encode_scenes(config, loaders) if needs_features(config) else scenes_without_features(loaders)
+
+
+def scenes_without_features(loaders: Sequence[SceneLoader]) -> EncodedScenes:
+    """Scenes for agents that look at pixels, where no reward needs features.
+
+    Args:
+        loaders: the scenes.
+
+    Returns:
+        The scenes, their features without columns.
+    """
+    return EncodedScenes([_without_features(load(views=False)) for load in loaders], None, NO_ENCODER)
 
 
 def encode_scenes(config: Config, loaders: Sequence[SceneLoader]) -> EncodedScenes:
@@ -75,7 +86,7 @@ def encode_scenes(config: Config, loaders: Sequence[SceneLoader]) -> EncodedScen
     calibration = [_evenly_spaced(load().views, share) for load in loaders] if random else []
     encoder = make_encoder(settings, np.concatenate(calibration) if calibration else None)
     scenes = [_encoded(load, encoder) for load in loaders]
-    if config.scenes == ROOMS:
+    if config.scenes == ROOMS or all(scene.source == SOURCE for scene in scenes):
         _check_apart(encoder, scenes)
     return EncodedScenes(scenes, encoder, encoder.name)
 
@@ -137,8 +148,6 @@ def _check_apart(encoder: Encoder, scenes: Sequence[Scene]) -> None:
 
 @lru_cache(maxsize=1)
 def _encode_unseen(source: str, settings: SceneSettings, training: EncodedScenes) -> list[Scene]:
-    if training.scenes[0].encoded.shape[1] == 0:
-        return [_without_features(load(views=False)) for load in unseen_scenes(source, settings)]
     return encode_more(training, unseen_scenes(source, settings))
 
 
@@ -152,6 +161,8 @@ def encode_more(training: EncodedScenes, loaders: Sequence[SceneLoader]) -> list
     Returns:
         The other scenes with features.
     """
+    if training.scenes[0].encoded.shape[1] == 0:
+        return scenes_without_features(loaders).scenes
     if training.encoder is None:
         return [load(views=False) for load in loaders]
     scenes = [_encoded(load, training.encoder) for load in loaders]

@@ -2,6 +2,7 @@
 
 import jax
 import numpy as np
+from jaxtyping import Int32
 
 from relm_irl_jax.config import Config
 from relm_irl_jax.experts import Trajectory
@@ -62,11 +63,19 @@ def agent_recordings(
         key = jax.random.fold_in(jax.random.key(choice.seed), episode)
         for scene, path in zip(task.scenes, episode_paths(key, policy, task, config.tasks.cap), strict=True):
             if path.success:
-                recordings[scene.name].append(_trajectory(scene, path.states))
+                recordings[scene.name].append(trajectory_of(scene, path.states))
     return recordings
 
 
-def _trajectory(scene: Scene, states: np.ndarray) -> Trajectory:
-    """A path with its actions; where several actions lead to the same state, the first."""
+def trajectory_of(scene: Scene, states: Int32[np.ndarray, "path"]) -> Trajectory:
+    """A path with its actions; where several actions lead to the same state, the first.
+
+    Args:
+        scene: the scene.
+        states: states of the scene, each of which an action leads to from the one before; the last one is the target.
+
+    Returns:
+        The demonstration.
+    """
     leads = successors(scene.graph)[states[:-1]] == states[1:, None]
     return Trajectory(states=states, actions=leads.argmax(1).astype(np.int32), target=int(states[-1]))

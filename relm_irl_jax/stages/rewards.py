@@ -8,8 +8,11 @@ from relm_irl_jax.config import Config, Method
 from relm_irl_jax.elm import load_elm, save_elm
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.files import load_arrays, save_arrays, write_table
+from relm_irl_jax.irl import WeightsOf
+from relm_irl_jax.progress import console
 from relm_irl_jax.results import PREDICTED, RewardQualityRow, save_reward_quality
 from relm_irl_jax.rewards.basis import RewardBasis
+from relm_irl_jax.rewards.demonstrated import describe_recorded
 from relm_irl_jax.rewards.equation import form_of, linear_reward
 from relm_irl_jax.rewards.learned import LearnedRewards, learn_rewards
 from relm_irl_jax.rewards.predicted import RewardPredictor
@@ -20,7 +23,9 @@ from relm_irl_jax.scenes.scene import Scene, first_of_each_type
 from relm_irl_jax.tasks import Target, TaskSplit
 
 
-def learn(config: Config, scenes: Sequence[Scene], split: TaskSplit, seed: int) -> LearnedRewards:
+def learn(
+    config: Config, scenes: Sequence[Scene], split: TaskSplit, seed: int, *, weights_of: WeightsOf | None = None
+) -> LearnedRewards:
     """Learn the rewards of one seed.
 
     Args:
@@ -28,11 +33,27 @@ def learn(config: Config, scenes: Sequence[Scene], split: TaskSplit, seed: int) 
         scenes: encoded training scenes.
         split: the targets of all tasks.
         seed: the run's seed.
+        weights_of: a user's own source of weights, instead of the configuration's method.
 
     Returns:
         The learned rewards.
     """
-    return learn_rewards(scenes, split, config.irl, config.elm, seed)
+    announce_recorded(config, scenes, split, seed)
+    return learn_rewards(scenes, split, config.irl, config.elm, seed, weights_of=weights_of)
+
+
+def announce_recorded(config: Config, scenes: Sequence[Scene], split: TaskSplit, seed: int) -> None:
+    """Print on standard error what recorded demonstrations are used for, if there are some.
+
+    Args:
+        config: the configuration.
+        scenes: training scenes.
+        split: the targets of all tasks.
+        seed: the run's seed.
+    """
+    if config.irl.demonstrations is not None:
+        used = describe_recorded(scenes, split, config.irl.demonstrations)
+        console.print(f"Seed {seed}: {used}", highlight=False, soft_wrap=True)
 
 
 def save_rewards(

@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import jax
@@ -22,7 +23,7 @@ from relm_irl_jax.rewards.predicted import RewardPredictor
 from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.stages.make_agent import make_agent, trains
-from relm_irl_jax.stages.rewards import make_predictor
+from relm_irl_jax.stages.rewards import announce_recorded, make_predictor
 from relm_irl_jax.stages.training_log import RunFolderLog
 from relm_irl_jax.stages.worlds import standardised_world, with_predicted_reward
 from relm_irl_jax.tasks import TaskSplit
@@ -156,11 +157,14 @@ def imagined_of(
     states = imagined_states(scenes, split, settings.imagined_targets, generator)
     if predictor is not None:
         return predicted_rewards(split, states, predictor, generator, None if told else settings.cost_limit)
+    constant = partial(constant_rewards, scenes, split, states, told=told)
     if method == "rl" and told:
         manual = config.manual
-        return constant_rewards(scenes, split, states, manual.step, manual.target, manual.collision)
+        return constant(step=manual.step, target=manual.target, collision=manual.collision)
     if method == "constant" and told:
-        return constant_rewards(scenes, split, states, -r_max, 0.0, np.inf)
+        return constant(step=-r_max, target=0.0, collision=np.inf)
+    if method == "constant":  # the view that equals the target's is paid, which takes no learning of rewards
+        return constant(step=0.0, target=r_max, collision=0.0)
     return None
 
 
@@ -174,6 +178,8 @@ def demonstrations_of(config: Config, inputs: SeedInputs) -> Demonstrations:
     Returns:
         The decisions of all demonstrations of the training targets.
     """
+    if inputs.learned is None:  # otherwise said when the rewards were learned
+        announce_recorded(config, inputs.scenes, inputs.split, inputs.seed)
     demonstrated = demonstrate_targets(inputs.scenes, inputs.split, config.irl, inputs.seed)
     offsets = scene_offsets(inputs.scenes)
     state, target, action, step = [], [], [], []

@@ -17,6 +17,7 @@ from builders import grid_scene
 from rich.console import Console
 
 from relm_irl_jax.config import Config
+from relm_irl_jax.demonstrations import load_demonstrations
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.play import keyboard
 from relm_irl_jax.play.keyboard import (
@@ -27,6 +28,7 @@ from relm_irl_jax.play.keyboard import (
     split_keys,
     steps_by_keys,
 )
+from relm_irl_jax.play.recording import record_walk
 
 UP, RIGHT, DOWN = "\x1b[A", "\x1b[C", "\x1b[B"
 
@@ -78,6 +80,25 @@ def test_two_pixels_a_character():
 def test_without_a_terminal_there_is_one_sentence():
     with pytest.raises(InputError, match="must be a terminal"):
         play_in_terminal(grid_scene(2, 2), 0, 3, Console(force_terminal=False))
+
+
+def test_a_walk_is_recorded_if_it_arrives(tmp_path):
+    scene, file = grid_scene(3, 1), tmp_path / "walks.jsonl"
+    assert "nothing was recorded" in record_walk(scene, walk(["d", "q"], target=9)[0], file)
+    assert not file.exists()
+    arrived, _ = walk([UP, RIGHT, "w", UP], target=9)
+    assert record_walk(scene, arrived, file) == f"{file}: 1 demonstration"
+    file.write_text(file.read_text().rstrip())  # as an editor may leave it
+    assert record_walk(scene, arrived, file) == f"{file}: 2 demonstrations"
+    for read in load_demonstrations(file, scene):
+        assert (read.states.tolist(), read.actions.tolist()) == ([0, 0, 1, 5, 9], [0, 1, 0, 0])
+
+
+def test_walks_are_not_added_to_another_file(tmp_path):
+    (tmp_path / "notes.txt").write_text("not a demonstration")
+    with pytest.raises(InputError, match="not a JSON object"):
+        record_walk(grid_scene(3, 1), walk(["d", "w", "w"], target=9)[0], tmp_path / "notes.txt")
+    assert (tmp_path / "notes.txt").read_text() == "not a demonstration"
 
 
 def test_a_room_of_no_run():

@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 from builders import grid_scene
 
+from relm_irl_jax.config import Config
 from relm_irl_jax.demonstrations import load_demonstrations_by_scene, save_demonstrations
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.experts import shortest_path_expert, shortest_path_trajectories
 from relm_irl_jax.irl import MaxMarginSettings
-from relm_irl_jax.rewards.demonstrated import demonstrate_targets, learn_demonstrated_rewards
+from relm_irl_jax.rewards.demonstrated import demonstrate_targets, describe_recorded, learn_demonstrated_rewards
 from relm_irl_jax.rewards.settings import IrlSettings
+from relm_irl_jax.stages.rewards import announce_recorded
 from relm_irl_jax.tasks import TaskSettings, draw_split
 
 ROOMS = [grid_scene(3, 2, name="bathroom-0"), grid_scene(3, 3, name="bedroom-0")]
@@ -56,6 +58,21 @@ def test_recorded_demonstrations_replace_the_experts_for_their_targets(tmp_path)
     own = next(r for r in rewards if r.target == first)
     assert own.trained
     assert set(own.starts) == set(lines[0]["states"][:-1])
+
+
+def test_a_line_says_what_is_used(tmp_path, capsys):
+    lines = [
+        {"scene": ROOMS[t.scene].name} | detour(ROOMS[t.scene], t.state)
+        for t in (SPLIT.training[0], SPLIT.training[0], SPLIT.training[2], SPLIT.new[0])
+    ]
+    file = write(tmp_path / "walks.jsonl", lines)
+    assert describe_recorded(ROOMS, SPLIT, file) == (
+        f"{file}: 3 of 4 demonstrations lead to 2 of 4 training targets and are used; the shortest-path expert "
+        "demonstrates the other 2 targets."
+    )
+    announce_recorded(Config(irl=IrlSettings(demonstrations=file)), ROOMS, SPLIT, 3)
+    announce_recorded(Config(), ROOMS, SPLIT, 3)
+    assert " ".join(capsys.readouterr().err.split()) == f"Seed 3: {describe_recorded(ROOMS, SPLIT, file)}"
 
 
 def test_the_expert_follows_the_record(tmp_path):

@@ -28,11 +28,14 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from relm_irl_jax.bounds import ImageSize, PositiveInt
-from relm_irl_jax.progress import progress_bar
+from relm_irl_jax.lazy import deferred
 from relm_irl_jax.scenes.recording.simulator import AHEAD, BACK, Pose, SceneOpener, SimulatorScene
 from relm_irl_jax.scenes.recording.vizdoom_engine import RESOLUTIONS, find_wad, start_engine, vizdoom_package
 from relm_irl_jax.scenes.recording.vizdoom_player import Player
 from relm_irl_jax.scenes.scene import GRID_STEP, HEADINGS, ROOM_TYPE_PATTERN
+
+# Settings are read more often than maps.
+progress_bar = deferred("relm_irl_jax.progress", "progress_bar")
 
 
 @dataclass(frozen=True, config={"regex_engine": "python-re"})
