@@ -1,8 +1,8 @@
 """Every table and figure of the paper, from scratch; what is finished is kept, so that the same command goes on.
 
     make paper                                all pieces, then runs/paper/report.html
-    make paper PIECE=metric                   one of siamese, metric, metric-open, metric-no-hindsight, vizdoom, elm,
-                                              stability, ablation, irl-methods, report
+    make paper PIECE=metric                   one of siamese, siamese-told, metric, metric-open, metric-no-hindsight,
+                                              vizdoom, elm, stability, ablation, irl-methods, report
     make paper PIECE=ablation VARIANT=lp      one variant, and the base that it is compared with
     make paper QUICK=1                        the same code on tiny rooms, in runs/paper-quick
     make paper JOBS=4                         four runs at a time, each in a process of its own
@@ -39,6 +39,7 @@ QUICK = PRESETS / "quick.toml"
 
 Piece = Literal[
     "siamese",
+    "siamese-told",
     "metric",
     "metric-open",
     "metric-no-hindsight",

@@ -44,6 +44,7 @@ export_recordings = deferred("relm_irl_jax.stages.exports", "export_recordings")
 save_demonstrations = deferred("relm_irl_jax.demonstrations", "save_demonstrations")
 export_scenes = deferred("relm_irl_jax.scenes.recording.export", "export_scenes")
 export_table = deferred("relm_irl_jax.scenes.recording.export", "export_table")
+finding = deferred("relm_irl_jax.report.finding", "finding")
 find_run = deferred("relm_irl_jax.run_config", "find_run")
 generate_room = deferred("relm_irl_jax.scenes.rooms.generate", "generate_room")
 load_config = deferred("relm_irl_jax.config", "load_config")
@@ -62,8 +63,12 @@ save_scene = deferred("relm_irl_jax.scenes.scene_file", "save_scene")
 scene_and_targets = deferred("relm_irl_jax.play.keyboard", "scene_and_targets")
 scene_and_targets_of_run = deferred("relm_irl_jax.play.keyboard", "scene_and_targets_of_run")
 scene_files = deferred("relm_irl_jax.scenes.selection", "scene_files")
+search_frames = deferred("relm_irl_jax.play.search", "search_frames")
+search_scene = deferred("relm_irl_jax.play.search", "search_scene")
+show_in_terminal = deferred("relm_irl_jax.play.search", "show_in_terminal")
 thor_scenes = deferred("relm_irl_jax.scenes.recording.thor", "thor_scenes")
 vizdoom_maps = deferred("relm_irl_jax.scenes.recording.vizdoom", "vizdoom_maps")
+write_search_gif = deferred("relm_irl_jax.play.search", "write_search_gif")
 write_report = deferred("relm_irl_jax.report.run_report", "write_report")
 
 Export = deferred("relm_irl_jax.stages.exports", "Export")
@@ -186,6 +191,9 @@ def _report(command: "Report") -> None:
 
 def _play(command: "Play") -> None:
     console = _console()
+    if command.agent is not None:
+        _play_packaged(command, console)
+        return
     if command.keyboard or command.run is None:
         _play_by_keyboard(command, console)
         return
@@ -273,6 +281,20 @@ def _play_by_keyboard(command: "Play", console: "Console") -> None:
         console.print(record_walk(scene, path, command.record), highlight=False, soft_wrap=True)
 
 
+def _play_packaged(command: "Play", console: "Console") -> None:
+    if command.run is not None or command.keyboard:
+        raise InputError("agent: an agent of the package belongs to no run; give either a run or --agent.")
+    scene, targets = scene_and_targets(command.scene or "bathroom-50", command.target)
+    file = Path("runs") / "play" / f"{command.agent}-{scene.name}-{command.seed}-{command.episode}.gif"
+    ensure_writable(file.parent)
+    search, path = search_scene(scene, targets, command.seed, command.episode)
+    frames = search_frames(search)
+    write_search_gif(file, frames)
+    if console.is_terminal:
+        show_in_terminal(frames, console, 0.35)
+    console.print(f"{file}: {_outcome(path)}", highlight=False, soft_wrap=True)
+
+
 def _outcome(path: "EpisodePath") -> str:
     steps = len(path.states) - 1
     outcome = "reached after" if path.success else "not reached in"
@@ -343,4 +365,5 @@ def _pop_option(arguments: list[str], option: str, kind: str, remedy: str) -> tu
 def _show(results: "Results", folder: Path) -> None:
     console = _console()
     console.print(console_table(results))
+    console.print(" ".join(finding(results)), highlight=False)
     console.print(f"Report: {folder / 'report.html'}", highlight=False, soft_wrap=True)

@@ -60,11 +60,14 @@ class Play:
     """Number of the episode, which determines start and target."""
     keyboard: bool = False
     """Navigate to a target of the task by keyboard."""
+    agent: Literal["map"] | None = None
+    """Without a run: the mapping agent, with the weights of the package, searches in the scene. A terminal shows it
+    step by step; the animation goes to `runs/play`."""
     scene: str | None = None
-    """Scene for navigation by keyboard: with a run, the name of one of its scenes (default: the first); without a run,
-    a scene file or a built-in room (default: bathroom-0)."""
+    """Scene for the keyboard or the agent: with a run, the name of one of its scenes (default: the first); without a
+    run, a scene file or a built-in room (default: bathroom-0, for an agent bathroom-50)."""
     target: str | None = None
-    """Category of the target object for navigation without a run; by default a random one."""
+    """Category of the target object without a run; by default a random one."""
     record: Path | None = None
     """File of demonstrations (JSON lines, as `--irl.demonstrations` reads them) to which a walk by keyboard is added
     if it reaches its target."""

@@ -6,23 +6,31 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import Field, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
-from relm_irl_jax.agents.settings import FRAMES, LogSettings, MapSettings, MetricSettings, SiameseSettings
+from relm_irl_jax.agents.settings import (
+    FRAMES,
+    LogSettings,
+    MapSettings,
+    MetricSettings,
+    RecurrentSettings,
+    SiameseSettings,
+)
 from relm_irl_jax.bounds import PositiveInt
 from relm_irl_jax.cluster import ClusterSettings
 from relm_irl_jax.errors import InputError, first_fault
 from relm_irl_jax.features.settings import EncoderSettings, settings_for
 from relm_irl_jax.frames import Frames
-from relm_irl_jax.results import Method, Task
+from relm_irl_jax.results import BESIDE, Method, Task
 from relm_irl_jax.rewards.settings import ElmSettings, GoalSettings, IrlSettings, ManualSettings
 from relm_irl_jax.scenes.selection import ROOMS, SceneSettings
 from relm_irl_jax.tasks import EvaluationSettings, TaskSettings
 
-AgentName = Literal["siamese", "metric", "map"]
+AgentName = Literal["siamese", "metric", "map", "recurrent"]
+BesideName = Literal["metric", "map"]
 METHODS: tuple[Method, ...] = ("random", "bc", "rl", "constant", "irl", "elm-irl", "relm-irl")
 """Every method, in the order of the tables. `constant` is the control of learned rewards: every step costs the same."""
 
@@ -32,7 +40,13 @@ PAPER_METHODS: tuple[Method, ...] = ("random", "rl", "irl", "elm-irl", "relm-irl
 MAP_METHODS: tuple[Method, ...] = ("random", "rl")
 """What `all` means for the mapping agent, which plans with equal costs of all steps and learns no reward."""
 
-NOT_TRAINED = ("task", "methods", "seeds", "run", "evaluation", "cluster", "log")
+METRIC_FRAMES_BESIDE = 1_000_000
+"""Most training frames of the metric agent beside another agent, so that a run of all agents takes minutes."""
+
+MAP_EPISODES_BESIDE = 200
+"""Most episodes of the mapping agent in each scene beside another agent; it takes milliseconds to decide."""
+
+NOT_TRAINED = ("task", "methods", "seeds", "run", "beside", "evaluation", "cluster", "log")
 """Fields on which trained agents do not depend; a run can only be continued if all others are unchanged."""
 
 
@@ -52,7 +66,8 @@ class Config:
     seeds: PositiveInt = 1
     """Number of seeds (0, 1, ...); each has its own targets, demonstrations, networks and episodes."""
     frames: Frames | None = None
-    """Training frames for each method and seed; by default 5M, and 256k for the mapping agent."""
+    """Training frames for each method and seed; by default 6M for the paper's agent, 5M for the metric
+    agent and 256k for the mapping agent."""
     run: Path | None = None
     """Run folder; by default a folder in `runs/` whose name depends on the configuration."""
     scene: SceneSettings = SceneSettings()
@@ -69,15 +84,21 @@ class Config:
     """Extreme learning machine."""
     goals: GoalSettings = GoalSettings()
     """Goals of hindsight relabelling, for agents that use it."""
-    agent: AgentName = "siamese"
+    agent: Literal["all"] | AgentName = "all"
     """`siamese` for the paper's actor-critic, `metric` for the agent that learns distances between views, `map` for the
-    agent that draws a map while it searches."""
+    agent that draws a map while it searches, `recurrent` for the paper's network with recurrent memory. `all` means
+    siamese, and with all methods on the built-in rooms metric and map beside it."""
+    beside: tuple[BesideName, ...] = ()
+    """Other agents in the same tables: metric, trained with RELM-IRL's reward, and map, which learns no reward. Each
+    has a run of its own in the sub-folder of its name."""
     siamese: SiameseSettings = SiameseSettings()
     """The paper's agent."""
     metric: MetricSettings = MetricSettings()
     """The metric agent."""
     map: MapSettings = MapSettings()
     """The mapping agent."""
+    recurrent: RecurrentSettings = RecurrentSettings()
+    """The recurrent agent."""
     evaluation: EvaluationSettings = EvaluationSettings()
     """Evaluation."""
     log: LogSettings = LogSettings()
@@ -94,7 +115,29 @@ class Config:
     @property
     def training_frames(self) -> int:
         """Training frames for each method and seed."""
-        return FRAMES[self.agent] if self.frames is None else self.frames
+        return FRAMES[self.trained_agent] if self.frames is None else self.frames
+
+    @property
+    def trained_agent(self) -> AgentName:
+        """The agent that the methods train."""
+        return "siamese" if self.agent == "all" else self.agent
+
+    def of_agent_beside(self, agent: BesideName) -> "Config":
+        """The configuration of the run of an agent that is evaluated beside this configuration's.
+
+        Args:
+            agent: the agent.
+
+        Returns:
+            The configuration; the run folder is not set.
+        """
+        frames, evaluation = self.training_frames, self.evaluation
+        if agent == "metric":
+            frames = min(frames, METRIC_FRAMES_BESIDE)
+        if agent == "map":
+            evaluation = replace(evaluation, episodes=min(evaluation.episodes, MAP_EPISODES_BESIDE))
+        settings = {"agent": agent, "methods": (BESIDE[agent],), "frames": frames, "evaluation": evaluation}
+        return replace(self, **settings, beside=(), run=None)
 
     def resolved(self) -> "Config":
         """The same configuration with every default that depends on other fields in place of None or `auto`."""
@@ -102,7 +145,15 @@ class Config:
         if weights == "auto":
             weights = "package" if self.scenes == ROOMS else "train"
         encoder = settings_for(self.encoder, built_in=self.scenes == ROOMS)
-        return replace(self, frames=self.training_frames, map=replace(self.map, weights=weights), encoder=encoder)
+        every = self.agent == "all" and "all" in self.methods and self.scenes == ROOMS and self.cluster.processes == 1
+        return replace(
+            self,
+            agent=self.trained_agent,
+            beside=get_args(BesideName) if every else self.beside,
+            frames=self.training_frames,
+            map=replace(self.map, weights=weights),
+            encoder=encoder,
+        )
 
 
 _ADAPTER = TypeAdapter(Config)

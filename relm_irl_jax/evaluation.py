@@ -1,10 +1,7 @@
 """Evaluation: episodes from random starts, and the paper's three metrics (section 5.4)."""
 
-import threading
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -13,18 +10,9 @@ from jaxtyping import Array, Bool, Int32, Key, PRNGKeyArray
 
 from relm_irl_jax import env
 from relm_irl_jax.env import Episode, scene_target_ranges
-from relm_irl_jax.types import Memory, Observation, Policy
+from relm_irl_jax.episode_runner import run_episodes
+from relm_irl_jax.types import Observation, Policy
 from relm_irl_jax.world import Targets, World
-
-MEMORY_BYTES = 2**26
-"""Most memory that policies may keep of episodes that run side by side."""
-
-PARTS = 2
-"""Parts into which episodes that do not all run side by side are divided, whatever the machine: results depend on it
-where a policy draws its actions."""
-
-STEPS_PER_CALL = 10
-"""Steps of one call of the compiled program, after which progress is reported."""
 
 
 @jax.tree_util.register_dataclass
@@ -108,66 +96,10 @@ def evaluate(
     Returns:
         The finished episodes.
     """
-    lanes = lanes_within_memory(policy, world.n_scenes, episodes)
     drawn, step_key = draw_episodes(key, targets, world.n_scenes, episodes)
-    situation = (step_key, policy, world, targets, jnp.int32(cap))
-    if lanes == episodes:
-        length, success = _run(drawn, lanes, situation, advance)
-    else:
-        length, success = _run_in_parts(drawn, lanes, situation, advance)
+    length, success = run_episodes(step_key, drawn, policy, world, targets, cap=cap, advance=advance)
     shortest = env.shortest_path(drawn, world, targets)
     return jax.tree.map(np.asarray, Episodes(drawn.target, drawn.start, length, shortest, success))
-
-
-_Situation = tuple[PRNGKeyArray, Policy, World, Targets, Int32[Array, ""]]
-_Outcome = tuple[Int32[np.ndarray, "scenes episodes"], Bool[np.ndarray, "scenes episodes"]]
-
-
-def _run(
-    drawn: Episode,
-    lanes: int,
-    situation: _Situation,
-    advance: Callable[[int], None] | None = None,
-    stopped: Callable[[], bool] = lambda: False,
-) -> _Outcome:
-    """Run the drawn episodes to their ends, or until it is stopped; their lengths and successes."""
-    key, policy, world, targets, cap = situation
-    progress = _start(policy, drawn, lanes=lanes)
-    ended = 0
-    while ended < drawn.target.size and not stopped():
-        progress = _continue(key, progress, drawn, policy, world, targets, cap=cap)
-        now = int((progress.length > 0).sum())
-        if advance is not None:
-            advance(now - ended)
-        ended = now
-    return np.asarray(progress.length), np.asarray(progress.success)
-
-
-def _run_in_parts(drawn: Episode, lanes: int, situation: _Situation, advance: Callable[[int], None] | None) -> _Outcome:
-    """Run the episodes in `PARTS` parts of each scene, each in a thread: the step of one takes one core at a time."""
-    episodes = drawn.target.shape[1]
-    size, stop = -(-episodes // PARTS), threading.Event()
-    begins = [min(part * size, episodes - size) for part in range(PARTS)]  # the last one overlaps, to be of equal size
-    with ThreadPoolExecutor(PARTS) as threads:
-        running = [
-            threads.submit(
-                _run,
-                jax.tree.map(lambda x, begin=begin: x[:, begin : begin + size], drawn),
-                max(1, lanes // PARTS),
-                situation,
-                advance,
-                stop.is_set,
-            )
-            for begin in begins
-        ]
-        try:
-            parts = [part.result() for part in running]
-        finally:
-            stop.set()
-    length, success = np.zeros(drawn.target.shape, np.int32), np.zeros(drawn.target.shape, bool)
-    for begin, part in zip(begins, parts, strict=True):
-        length[:, begin : begin + size], success[:, begin : begin + size] = part
-    return length, success
 
 
 def draw_episodes(key: PRNGKeyArray, targets: Targets, n_scenes: int, episodes: int) -> tuple[Episode, PRNGKeyArray]:
@@ -193,107 +125,6 @@ def evaluation_key(seed: int) -> PRNGKeyArray:
         seed: the run's seed.
     """
     return jax.random.fold_in(jax.random.key(seed), 1)
-
-
-def lanes_within_memory(policy: Policy, n_scenes: int, episodes: int) -> int:
-    """Number of episodes of each scene that run at a time, so that the policy's memories fit into `MEMORY_BYTES`.
-
-    Args:
-        policy: the policy.
-        n_scenes: number of scenes.
-        episodes: number of episodes in each scene.
-
-    Returns:
-        At least 1, at most `episodes`.
-    """
-    memory = jax.eval_shape(lambda: jax.tree.leaves(policy.init((n_scenes, 1))))
-    size = sum(leaf.size * leaf.dtype.itemsize for leaf in memory)
-    return max(1, min(episodes, MEMORY_BYTES // max(size, 1)))
-
-
-@jax.tree_util.register_dataclass
-@dataclass(frozen=True)
-class _Progress:
-    """Episodes under way, a few of each scene in lanes side by side, and the outcomes of those that ended.
-
-    Attributes:
-        number: number of each lane's episode among those of its scene; that of no episode when none is left.
-        begun: episodes of each scene that have begun.
-        episode: each lane's episode.
-        memory: what the policy remembers of it.
-        collided: whether its last action collided.
-        length: actions of each episode that ended; 0 for the others.
-        success: whether it reached its target.
-        time: steps taken by all lanes.
-    """
-
-    number: Int32[Array, "scenes lanes"]
-    begun: Int32[Array, "scenes"]
-    episode: Episode
-    memory: Memory
-    collided: Bool[Array, "scenes lanes"]
-    length: Int32[Array, "scenes episodes"]
-    success: Bool[Array, "scenes episodes"]
-    time: Int32[Array, ""]
-
-
-@partial(jax.jit, static_argnames="lanes")
-def _start(policy: Policy, drawn: Episode, *, lanes: int) -> _Progress:
-    """The first episodes of each scene, before their first action."""
-    shape = (drawn.target.shape[0], lanes)
-    return _Progress(
-        number=jnp.broadcast_to(jnp.arange(lanes, dtype=jnp.int32), shape),
-        begun=jnp.full(shape[:1], lanes, jnp.int32),
-        episode=jax.tree.map(lambda x: x[:, :lanes], drawn),
-        memory=policy.init(shape),
-        collided=jnp.zeros(shape, bool),
-        length=jnp.zeros(drawn.target.shape, jnp.int32),
-        success=jnp.zeros(drawn.target.shape, bool),
-        time=jnp.int32(0),
-    )
-
-
-@partial(jax.jit, donate_argnums=1)
-def _continue(
-    key: PRNGKeyArray,
-    progress: _Progress,
-    drawn: Episode,
-    policy: Policy,
-    world: World,
-    targets: Targets,
-    *,
-    cap: Int32[Array, ""],
-) -> _Progress:
-    """Take `STEPS_PER_CALL` steps with every lane, or fewer if all episodes end.
-
-    A lane whose episode ends begins the next one of its scene; if none is left, its episode no longer changes.
-    """
-    n_episodes = drawn.target.shape[1]
-    scene = jnp.arange(drawn.target.shape[0])[:, None]
-    until = progress.time + STEPS_PER_CALL
-
-    def advance(now: _Progress) -> _Progress:
-        live = now.number < n_episodes
-        observation = Observation(now.episode.state, now.collided, live)
-        step_key = jax.random.fold_in(key, now.time)
-        memory, action = policy.act(step_key, now.memory, observation, now.episode.target)
-        episode, transition = env.step(now.episode, action, world, targets, cap)
-        episode = env.select(live, episode, now.episode)
-        ends = live & (transition.terminated | transition.truncated)
-        row = jnp.where(ends, now.number, n_episodes)  # out of bounds: dropped
-        length = now.length.at[scene, row].set(episode.steps, mode="drop")
-        success = now.success.at[scene, row].set(transition.terminated, mode="drop")
-        # Episodes begin in their order, in the lanes that are free.
-        following = now.begun[:, None] + jnp.cumsum(ends, 1, dtype=jnp.int32) - 1
-        number = jnp.where(ends, jnp.minimum(following, n_episodes), now.number)
-        begun, collided = now.begun + ends.sum(1, dtype=jnp.int32), transition.collided & ~ends
-        if now.number.shape[1] < n_episodes:
-            chosen = jnp.minimum(number, n_episodes - 1)
-            episode = env.select(ends, jax.tree.map(lambda x: x[scene, chosen], drawn), episode)
-            memory = env.select(ends, policy.init(number.shape), memory)
-        return _Progress(number, begun, episode, memory, collided, length, success, now.time + 1)
-
-    return jax.lax.while_loop(lambda now: (now.number < n_episodes).any() & (now.time < until), advance, progress)
 
 
 def trace_episodes(

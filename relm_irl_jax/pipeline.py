@@ -3,30 +3,27 @@
 Trainings whose results are in the run folder are not repeated.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from relm_irl_jax.cluster import join
 from relm_irl_jax.config import METHODS, Config, Method, Task
 from relm_irl_jax.hardware import Stopwatch
 from relm_irl_jax.report.run_report import write_report
 from relm_irl_jax.results import LEARNED, Results
-from relm_irl_jax.rewards.learned import LearnedRewards
 from relm_irl_jax.run_config import locked, opened_run
 from relm_irl_jax.run_folder import RunFolder
-from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.scenes.selection import check_scenes_setting
+from relm_irl_jax.stages.agents_beside import LearnRewards, learned_once, runs_beside
 from relm_irl_jax.stages.encoding import EncodedScenes, check_encoder, encode_training
-from relm_irl_jax.stages.episodes import AgentChoice, save_shown_episodes
+from relm_irl_jax.stages.episodes import AgentChoice, play_task, save_shown_episodes
 from relm_irl_jax.stages.evaluation import evaluate_task
 from relm_irl_jax.stages.make_agent import check_agent
 from relm_irl_jax.stages.memory import check_goals_memory, check_memory
 from relm_irl_jax.stages.own_policies import OwnPolicy, check_name, enter, evaluate_own_policy
 from relm_irl_jax.stages.rewards import learn, save_rewards
+from relm_irl_jax.stages.searches import save_shown_searches
 from relm_irl_jax.stages.training import SeedInputs, train_jointly, train_method, trains_jointly
-from relm_irl_jax.tasks import TaskSplit, draw_split
-
-LearnRewards = Callable[[Config, Sequence[Scene], TaskSplit, int], LearnedRewards]
-"""Learns the rewards of a configuration from encoded training scenes, the targets of all tasks, and a seed."""
+from relm_irl_jax.tasks import draw_split
 
 
 def run(
@@ -55,11 +52,12 @@ def run(
     config = config.resolved()
     tasks = tuple(tasks) or (config.task,)
     check_scenes_setting(config.scenes)
-    check_agent(config, tasks)
-    check_memory(config)
+    for agent_config in (config, *map(config.of_agent_beside, config.beside)):
+        check_agent(agent_config, tasks)
+        check_memory(agent_config)
     join(config.cluster)
     with opened_run(config) as folder:
-        _run_stages(config, folder, tasks, encoded, learn_rewards, maps=maps)
+        _run_stages(config, folder, tasks, encoded, learned_once(learn_rewards), maps=maps)
     return folder
 
 
@@ -98,10 +96,20 @@ def _run_stages(
     for method, seed_inputs in joint.items():
         with stopwatch(f"training {method}"):
             train_jointly(config, method, seed_inputs, folder)
+    for beside in runs_beside(config, folder).values():
+        with stopwatch(f"the {beside.agent} agent"):
+            run(beside, tasks, encoded, learn_rewards, maps=maps)
     for task in tasks:
         with stopwatch("evaluation"):
             _evaluate(config, folder, encoded, task, maps=maps)
     write_report(folder)
+
+
+def _evaluate_all(config: Config, folder: RunFolder, encoded: EncodedScenes, task: Task) -> None:
+    """Evaluate the agents and those beside them."""
+    for beside in runs_beside(config, folder).values():
+        run(beside, (task,), encoded)
+    _evaluate(config, folder, encoded, task)
 
 
 def _evaluate(config: Config, folder: RunFolder, encoded: EncodedScenes, task: Task, *, maps: bool = True) -> None:
@@ -109,7 +117,10 @@ def _evaluate(config: Config, folder: RunFolder, encoded: EncodedScenes, task: T
     evaluated = {row.method for row in evaluate_task(config, folder, encoded, task).rows}
     if maps:
         last = [method for method in METHODS if method in evaluated][-1]
-        save_shown_episodes(config, folder, encoded, AgentChoice(last, task))
+        choice = AgentChoice(last, task)
+        played = play_task(config, folder, encoded, choice, episode=0)
+        save_shown_episodes(config, folder, choice, played)
+        save_shown_searches(config, folder, choice, played)
 
 
 def evaluate_run(config: Config, folder: RunFolder, task: Task) -> None:
@@ -123,7 +134,7 @@ def evaluate_run(config: Config, folder: RunFolder, task: Task) -> None:
     with locked(folder):
         encoded = encode_training(config)
         check_encoder(folder, encoded)
-        _evaluate(config, folder, encoded, task)
+        _evaluate_all(config, folder, encoded, task)
         write_report(folder)
 
 
@@ -146,7 +157,7 @@ def enter_policy(config: Config, folder: RunFolder, task: Task, policy: OwnPolic
         encoded = encode_training(config)
         check_encoder(folder, encoded)
         if not folder.results(task).exists():
-            _evaluate(config, folder, encoded, task)
+            _evaluate_all(config, folder, encoded, task)
         enter(folder, evaluate_own_policy(config, encoded, task, policy, name))
         write_report(folder)
 
@@ -164,6 +175,6 @@ def enter_results(config: Config, folder: RunFolder, results: Results) -> None:
     """
     with locked(folder):
         if not folder.results(results.task).exists():
-            _evaluate(config, folder, encode_training(config), results.task)
+            _evaluate_all(config, folder, encode_training(config), results.task)
         enter(folder, results)
         write_report(folder)

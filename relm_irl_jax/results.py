@@ -1,6 +1,6 @@
 """Results of a run: metrics of trained agents (`results.json`) and quality of learned rewards (`quality.csv`)."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
@@ -22,6 +22,10 @@ LEARNED: tuple[Method, ...] = ("irl", "elm-irl", "relm-irl")
 
 PREDICTED: tuple[Method, ...] = ("elm-irl", "relm-irl")
 """Methods whose reward a regressor predicts; the paper's Figure 11 compares them."""
+
+BESIDE: Mapping[str, Method] = {"metric": "relm-irl", "map": "rl"}
+"""Agents that can be evaluated beside another agent, and the method that trains them there. The mapping agent learns no
+reward: with RL, every step of its plans costs the same."""
 
 OWN = "own"
 """Kind of agent of rows that another program measured."""
@@ -74,6 +78,31 @@ class Results:
     cap: PositiveInt
     encoder: str
     rows: Annotated[tuple[ResultRow, ...], Field(min_length=1)]
+
+
+def beside_name(agent: str) -> str:
+    """Name in the tables of an agent that is evaluated beside another.
+
+    Args:
+        agent: kind of agent.
+
+    Returns:
+        The name, which takes the place of a method's.
+    """
+    return f"{agent} {BESIDE[agent]}"
+
+
+BESIDE_NAMES = {beside_name(agent): agent for agent in BESIDE}
+"""The agent of each such name."""
+
+
+def is_of_run(row: ResultRow) -> bool:
+    """Whether a row is of an agent of the run itself: neither of an agent beside it nor of another program.
+
+    Args:
+        row: the row.
+    """
+    return row.agent != OWN and row.method not in BESIDE_NAMES
 
 
 _RESULTS = TypeAdapter(Results)

@@ -13,8 +13,10 @@
     maps/reward-TARGETS-ROOM.safetensors  reward of every state of a room for one target
     maps/distance-TASK-ROOM.safetensors   distance of every state of a room to one target
     episodes/TASK.safetensors             one episode in a scene of each room type
+    episodes/TASK-search.safetensors      what an agent that searches believed at some moments of them
     results-TASK.json, results.json       metrics of each task, and of the task evaluated last
     entries/TASK/NAME.json                rows of other programs, which evaluations add to their own
+    metric/, map/                         runs of other agents, whose rows are in the same tables
     tables/                               the report's tables as CSV
     figures/                              the report's figures as PNG, and their data as CSV
     report.html, report.md                the report
@@ -98,6 +100,10 @@ class RunFolder:
         """Paths of other programs' metrics of a task."""
         return sorted((self.path / "entries" / task).glob("*.json"))
 
+    def beside(self, agent: str) -> "RunFolder":
+        """Folder of the run of another agent, whose rows are in the same tables."""
+        return RunFolder(self.path / agent)
+
     def reward_map(self, targets: str, room_type: str) -> Path:
         """Path of the rewards of a room's states for a `trained` or a `new` target."""
         return self.path / "maps" / f"reward-{targets}-{room_type}.safetensors"
@@ -117,6 +123,10 @@ class RunFolder:
     def episodes(self, task: str) -> Path:
         """Path of the episodes of a task that the report shows."""
         return self.path / "episodes" / f"{task}.safetensors"
+
+    def searches(self, task: str) -> Path:
+        """Path of the beliefs of an agent that searches, at some moments of the episodes of a task."""
+        return self.path / "episodes" / f"{task}-search.safetensors"
 
     def animation(self, method: str, task: str, scene: str, episode: int) -> Path:
         """Path of an animation of an episode."""

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 from typing import Any, Literal, Protocol, TypeVar, runtime_checkable
 
 import jax
-from jaxtyping import Array, Bool, Int32, PRNGKeyArray
+import numpy as np
+from jaxtyping import Array, Bool, Float32, Int32, PRNGKeyArray
 
 from relm_irl_jax.rewards.functions import RewardFunction
 from relm_irl_jax.rewards.goals import Goals
@@ -78,6 +79,60 @@ class Policy(Protocol):
 
         Returns:
             The next memory and the action numbers.
+        """
+        ...
+
+
+@runtime_checkable
+class DeterministicPolicy(Policy, Protocol):
+    """A policy that can say that its actions do not depend on the key: equal observations get equal actions."""
+
+    @property
+    def deterministic(self) -> bool:
+        """Whether they do not. Episodes of equal start and target are then run once."""
+        ...
+
+
+def is_deterministic(policy: Policy) -> bool:
+    """Whether a policy says that it is deterministic.
+
+    Args:
+        policy: any policy.
+    """
+    return isinstance(policy, DeterministicPolicy) and policy.deterministic
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Belief:
+    """What a policy believes about the target and the room, on a square of places in a frame of its own.
+
+    Attributes:
+        pose: heading in right angles clockwise, z and x in cells from the middle of the square: where it stands.
+        probability: of each pose to be the target's, by heading, z and x.
+        free: log odds that each place can be stood on.
+        coverage: how much was seen of each place, from 0 to 1.
+    """
+
+    pose: Int32[Array | np.ndarray, "*batch 3"]
+    probability: Float32[Array | np.ndarray, "*batch 4 z x"]
+    free: Float32[Array | np.ndarray, "*batch z x"]
+    coverage: Float32[Array | np.ndarray, "*batch z x"]
+
+
+@runtime_checkable
+class SearchingPolicy(Policy, Protocol):
+    """A policy that can say where it believes the target to be."""
+
+    def belief(self, memory: Memory, target: Int32[Array, "scenes batch"]) -> Belief:
+        """The belief by which the last action was chosen.
+
+        Args:
+            memory: the memory that `act` returned.
+            target: rows of the policy's `Targets`.
+
+        Returns:
+            The belief of each agent.
         """
         ...
 

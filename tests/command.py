@@ -10,7 +10,7 @@ from relm_irl_jax.cli import main
 EXPERIMENT = Path(__file__).parents[1] / "experiments" / "smoke.toml"
 QUICK = (
     *("--frames", "1536", "--evaluation.episodes", "50", "--elm.hidden", "40"),
-    *("--scene.image-size", "64"),
+    *("--agent", "siamese", "--scene.image-size", "64"),
     *("--siamese.workers", "24", "--siamese.t-max", "8", "--siamese.width", "16"),
 )
 """As small as possible. Images of 64 pixels are what the default encoder of rooms takes."""

@@ -15,7 +15,8 @@ from relm_irl_jax.agents.siamese.network import SiameseActorCritic
 from relm_irl_jax.agents.siamese.policy import PairPolicy, SeveralViewsPolicy
 from relm_irl_jax.agents.siamese.state_target_pairs import state_target_pairs
 from relm_irl_jax.agents.siamese.training import init_parameters
-from relm_irl_jax.evaluation import Episodes, compute_metrics, evaluate, lanes_within_memory
+from relm_irl_jax.episode_runner import distinct_cases, lanes_within_memory
+from relm_irl_jax.evaluation import Episodes, compute_metrics, draw_episodes, evaluate
 from relm_irl_jax.experts import shortest_path_expert
 from relm_irl_jax.tasks import Target
 from relm_irl_jax.types import NO_MEMORY
@@ -142,9 +143,36 @@ def test_episodes_that_follow_one_another_in_a_lane_are_those_side_by_side(monke
     reports = []
     together = evaluate(jax.random.key(3), CountingPolicy(), world, tables, 30, 40, advance=reports.append)
     assert sum(reports) == 80
-    monkeypatch.setattr("relm_irl_jax.evaluation.MEMORY_BYTES", 2 * 4 * 7)
+    monkeypatch.setattr("relm_irl_jax.episode_runner.MEMORY_BYTES", 2 * 4 * 7)
     assert lanes_within_memory(CountingPolicy(), 2, 40) == 7
     in_turn = evaluate(jax.random.key(3), CountingPolicy(), world, tables, 30, 40)
     for name, values in vars(together).items():
         np.testing.assert_array_equal(getattr(in_turn, name), values)
     assert 0 < together.success.mean() < 1
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class DeterministicCountingPolicy(CountingPolicy):
+    """The same, which says that it draws nothing at random."""
+
+    @property
+    def deterministic(self):
+        return True
+
+
+@pytest.mark.parametrize("lanes", [7, 400])
+def test_equal_episodes_of_a_deterministic_policy_are_run_once(monkeypatch, lanes):
+    """With the same outcome for each drawn episode; 400 episodes have 23, 23 and 47 pairs of start and target."""
+    _, _, world, tables = scenes_and_targets()
+    every = evaluate(jax.random.key(3), CountingPolicy(), world, tables, 30, 400)
+    cases = distinct_cases(draw_episodes(jax.random.key(3), tables, 2, 400)[0])
+    assert cases.count.tolist() == [46, 47]
+    assert cases.times.sum(1).tolist() == [400, 400]
+    monkeypatch.setattr("relm_irl_jax.episode_runner.MEMORY_BYTES", 2 * 4 * lanes)
+    reports = []
+    once = evaluate(jax.random.key(3), DeterministicCountingPolicy(), world, tables, 30, 400, advance=reports.append)
+    assert sum(reports) == 800
+    for name, values in vars(every).items():
+        np.testing.assert_array_equal(getattr(once, name), values)
+    assert 0 < once.success.mean() < 1

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 from builders import grid_scene
 
-from relm_irl_jax.agents.settings import SiameseSettings
+from relm_irl_jax.agents.settings import RecurrentSettings, SiameseSettings
 from relm_irl_jax.experts import shortest_path_trajectories
 from relm_irl_jax.rewards.functions import ManualReward
 from relm_irl_jax.tasks import Target
@@ -13,8 +13,21 @@ from relm_irl_jax.world import build_targets, build_world
 
 STEP_COST = ManualReward(jnp.float32(0.0), jnp.float32(-1.0), jnp.float32(-1.0))
 
-SMALL = SiameseSettings(workers=8, t_max=4, width=8, initialisation="uniform")
+SMALL = SiameseSettings(
+    workers=8,
+    t_max=4,
+    width=8,
+    initialisation="uniform",
+    heads="room_type",
+    discount=0.99,
+    learning_rate=1e-3,
+    decay="none",
+    imagine="none",
+    given_share=0.1,
+)
 """Uniform initial weights compile faster than normal ones."""
+
+RECURRENT = RecurrentSettings(workers=8, t_max=4, width=8, memory=6)
 
 CHUNK = 8 * 8 * 4
 """Frames of a chunk of updates of `SMALL`."""

@@ -17,7 +17,7 @@ from relm_irl_jax.scenes.selection import ROOMS, check_scenes_setting, scene_fil
 Scenes = Sequence[Scene] | str | Path
 """Scenes; or `rooms` for the built-in training rooms; or a folder of scene files, whose first ones are for training."""
 
-DEFAULT = Config()
+DEFAULT = Config(agent="siamese")
 
 
 def rooms(*names: str, size: Literal["full", "tiny"] = "full", image_size: int = SMALL_IMAGE_SIZE) -> list[Scene]:

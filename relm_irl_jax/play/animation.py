@@ -14,7 +14,7 @@ from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.scenes.scene import GRID_STEP, Scene
 from relm_irl_jax.scenes.selection import scene_to_show
 from relm_irl_jax.stages.encoding import check_encoder, encode_training
-from relm_irl_jax.stages.episodes import AgentChoice, EpisodePath, paths_of_agent
+from relm_irl_jax.stages.episodes import AgentChoice, EpisodePath, play_task
 
 FRAME_MILLISECONDS = 250
 """Duration of each step; the last one is shown four times as long."""
@@ -41,7 +41,7 @@ def play(config: Config, folder: RunFolder, choice: AgentChoice, episode: int) -
     played = []
     encoded = encode_training(config)
     check_encoder(folder, encoded)
-    _, paths = paths_of_agent(config, folder, encoded, choice, episode)
+    paths = play_task(config, folder, encoded, choice, episode).paths
     with progress_bar("drawing episodes", len(paths), "scenes") as advance:
         for scene, episode_path in paths:
             file = folder.animation(method, choice.task, scene.name, episode)

@@ -153,10 +153,8 @@ def statement(paired: Sequence[PairedDifference]) -> list[str]:
         paired: the differences.
 
     Returns:
-        One sentence for each task; a single sentence if there are too few seeds.
+        One sentence for each task that has differences.
     """
-    if not paired:
-        return ["With one seed, no difference between methods can be significant; run more seeds."]
     sentences = []
     for task in dict.fromkeys(d.task for d in paired):
         parts = []

@@ -11,17 +11,19 @@ METHOD_NAMES = {
     "irl": "IRL",
     "elm-irl": "ELM-IRL",
     "relm-irl": "RELM-IRL",
+    "metric relm-irl": "RELM-IRL, metric agent",
+    "map rl": "Mapping agent, no learned reward",
 }
-"""Methods in the order of the tables."""
+"""Methods in the order of the tables, then the names of agents beside the run's own."""
 
 METRIC_NAMES = {"ple": "PLE ↓", "sr": "SR ↑", "spl": "SPL ↑"}
 """Metrics in the order of the tables; the arrow shows whether larger or smaller is better."""
 
 AGENT_NAMES = {
     "siamese": "the paper's siamese actor-critic, many workers in lockstep, the synchronous limit of A3C",
-    "metric": "an agent that learns distances between views, instead of the paper's siamese actor-critic",
-    "map": "an agent that draws a map while it searches, at equal costs of all steps and without a learned reward, "
-    "instead of the paper's siamese actor-critic",
+    "metric": "an agent that learns distances between views",
+    "map": "an agent that draws a map while it searches, at equal costs of all steps and without a learned reward",
+    "recurrent": "the paper's siamese actor-critic with a recurrent memory of the episode",
 }
 """Descriptions of agents; for other agents, the report uses their name."""
 
@@ -31,6 +33,9 @@ TASK_NAMES = {
     "III": "similar targets in unseen scenes",
 }
 """Descriptions of the tasks."""
+
+TARGETS_OF_TASK = {"I": "the trained targets", "II": "the new targets", "III": "the targets in unseen scenes"}
+"""Targets of the tasks, for sentences."""
 
 
 MARKUP = re.compile(r"[\\`*\[\]<>|&~$]|(?<!\w)_|_(?!\w)|:(?=//)|@|(?<=www)\.|(?<=^)[#+=-]|!(?=\[)", re.IGNORECASE)

@@ -21,10 +21,13 @@ from relm_irl_jax.report.figures import (
 from relm_irl_jax.report.learning_curves import TrainingCurve, band_columns, learning_figure, load_curve
 from relm_irl_jax.report.maps import distance_caption, distance_figure, map_columns, reward_caption, reward_figure
 from relm_irl_jax.report.names import heading
+from relm_irl_jax.report.run_settings import load_run_settings
+from relm_irl_jax.report.searches import search_caption, search_columns, search_figure
 from relm_irl_jax.report.tables import columns_of, interval_of, methods_of, seeds_of
-from relm_irl_jax.results import LEARNED, OWN, PREDICTED, Results, RewardQualityRow, Task, load_reward_quality
+from relm_irl_jax.results import LEARNED, PREDICTED, Results, RewardQualityRow, Task, is_of_run, load_reward_quality
 from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.saved_maps import StateMap, load_episodes, load_map
+from relm_irl_jax.saved_searches import load_searches
 
 CURVELESS = ("random", "bc")
 """Methods whose training has no episodes; neither has that of the mapping agent."""
@@ -49,7 +52,7 @@ class RunData:
     @property
     def trained(self) -> dict[str, list[int]]:
         """The seeds of each method that was trained in this run."""
-        rows = [row for results in self.results.values() for row in results.rows if row.agent != OWN]
+        rows = [row for results in self.results.values() for row in results.rows if is_of_run(row)]
         return {method: seeds_of([row for row in rows if row.method == method]) for method in methods_of(rows)}
 
     @property
@@ -60,8 +63,14 @@ class RunData:
     @property
     def agent(self) -> str:
         """The agent of the results; empty if there is none but Random."""
-        agents = {row.agent for results in self.results.values() for row in results.rows} - {"random", OWN}
+        rows = [row for results in self.results.values() for row in results.rows if is_of_run(row)]
+        agents = {row.agent for row in rows} - {"random"}
         return min(agents, default="")
+
+    @property
+    def imagined(self) -> str:
+        """Which imagined targets the run's agent trained on; `none` if there are none."""
+        return load_run_settings(self.folder).imagined
 
     @property
     def learned_rewards(self) -> bool:
@@ -151,6 +160,13 @@ def learning_curve_figure(data: RunData, curves: Mapping[str, Mapping[int, Train
         "Episodes that ended during training on the training targets: path length error (the paper's Figure 6), "
         f"success rate and SPL, means over the last chunks{bands}"
     )
+    if data.imagined == "reward-alone" and set(PREDICTED) & set(curves):
+        caption += (
+            ". ELM-IRL and RELM-IRL: share of walks of t_max actions that meet their target, given or imagined, whose "
+            "path lengths are not known; not to be compared with the other curves"
+        )
+    if data.imagined == "told":
+        caption += ". Walks of t_max actions to given or imagined targets, whose path lengths are not known"
     return DrawnFigure(path, "Learning curves", caption)
 
 
@@ -230,6 +246,28 @@ def episode_figures(data: RunData) -> list[DrawnFigure]:
         return [DrawnFigure(path, f"Episodes of Task {task} from above", episode_caption(episodes, task))]
 
     return [figure for task in data.results for figure in data.drawn(f"episodes-{task}", partial(draw, task))]
+
+
+def search_figures(data: RunData) -> list[DrawnFigure]:
+    """Draw what an agent that searches believed, for every task that it was saved of.
+
+    Args:
+        data: the run.
+
+    Returns:
+        One figure for each task.
+    """
+
+    def draw(task: Task) -> list[DrawnFigure]:
+        searches = data.read(load_searches, data.folder.searches(task))
+        if not searches:
+            return []
+        path = data.folder.figure(f"search-{task}")
+        save_figure(search_figure(searches), path, search_columns(searches))
+        return [DrawnFigure(path, f"Searches of Task {task}", search_caption(searches, task))]
+
+    saved = [task for task in data.results if data.folder.searches(task).exists()]
+    return [figure for task in saved for figure in data.drawn(f"search-{task}", partial(draw, task))]
 
 
 def map_figures(data: RunData) -> list[DrawnFigure]:

@@ -9,14 +9,13 @@ from relm_irl_jax.errors import InputError
 from relm_irl_jax.files import write_bytes, write_table
 from relm_irl_jax.hardware import load_stage_times
 from relm_irl_jax.report.comparison import (
-    BASELINES,
-    OURS,
     difference_columns,
     difference_table,
     differences,
     statement,
 )
 from relm_irl_jax.report.figures import DrawnFigure
+from relm_irl_jax.report.finding import finding
 from relm_irl_jax.report.html import render_page
 from relm_irl_jax.report.learning_curves import success_columns, success_table
 from relm_irl_jax.report.names import AGENT_NAMES, TASK_NAMES, as_code, as_message, as_text, listed
@@ -27,14 +26,24 @@ from relm_irl_jax.report.run_figures import (
     map_figures,
     prediction_figure,
     press_curve_figure,
+    search_figures,
 )
 from relm_irl_jax.report.run_settings import RunSettings, load_run_settings
 from relm_irl_jax.report.tables import markdown_table, quality_table, table_columns
-from relm_irl_jax.results import OWN, load_all_results
+from relm_irl_jax.results import BESIDE_NAMES, OWN, Results, load_all_results
 from relm_irl_jax.run_folder import RunFolder
 
 BUILT_IN = "rooms"
 """Value of the setting `scenes` for the built-in rooms, repeated here so that the report imports no scene sources."""
+
+
+IMAGINED = {
+    "none": "",
+    "told": ", which also trains on imagined targets and is told of arrivals there (IRL: on the given targets alone)",
+    "reward-alone": ", which with ELM-IRL and RELM-IRL also trains on imagined targets, of which nothing but the "
+    "predicted reward tells (RL and IRL: on the given targets alone, and told of arrivals)",
+}
+"""What a training on imagined targets is, as a part of a sentence."""
 
 
 def write_report(folder: RunFolder) -> Path:
@@ -83,7 +92,7 @@ def run_sections(folder: RunFolder, base: Path, heading: str, *, worded: bool = 
         folder: the run folder; tables and figures are written to it.
         base: folder to which image paths are relative.
         heading: Markdown prefix of the section headings.
-        worded: whether to add sentences about the differences.
+        worded: whether to add sentences about what was found.
 
     Returns:
         Lines of Markdown.
@@ -93,6 +102,7 @@ def run_sections(folder: RunFolder, base: Path, heading: str, *, worded: bool = 
     """
     data = RunData(folder, load_all_results(folder))
     return [
+        *(_found(data) if worded else []),
         *_summary(load_run_settings(folder), data),
         *_tasks(data, heading),
         *_differences(data, heading, worded=worded),
@@ -117,12 +127,13 @@ def circumstances(folder: RunFolder, heading: str) -> list[str]:
     settings = load_run_settings(folder)
     cap = next(iter(load_all_results(folder).values())).cap
     scenes = "Procedural rooms" if settings.scenes == BUILT_IN else f"Scenes of {as_code(settings.scenes)}"
+    replaced = ", instead of the paper's siamese actor-critic" if settings.agent in ("metric", "map") else ""
     return [
         f"{heading} Where this differs from the paper",
         "",
         f"{scenes} instead of AI2-THOR; an encoder with weights {as_code(settings.weights)} instead of ImageNet's; "
         f"{as_text(settings.training)} and {cap} steps per episode, where the paper's text says 5000 "
-        f"and its tables fit 100; {AGENT_NAMES.get(settings.agent, f'agent {as_code(settings.agent)}')}.",
+        f"and its tables fit 100; {AGENT_NAMES.get(settings.agent, f'agent {as_code(settings.agent)}')}{replaced}.",
         "",
         *_hardware(folder, heading),
         f"{heading} Configuration",
@@ -132,6 +143,17 @@ def circumstances(folder: RunFolder, heading: str) -> list[str]:
         "```",
         "",
     ]
+
+
+def _found(data: RunData) -> list[str]:
+    """What the intervals say about each task, before anything else."""
+    text = []
+    for task, results in data.results.items():
+        found = [as_text(sentence) for sentence in finding(results)]
+        if found:
+            name = f"Task {task}: " if len(data.results) > 1 else ""
+            text += [f"**{name}{found[0]}** {' '.join(found[1:])}", ""]
+    return text
 
 
 def _summary(settings: RunSettings, data: RunData) -> list[str]:
@@ -144,7 +166,7 @@ def _summary(settings: RunSettings, data: RunData) -> list[str]:
         "metric": f" (hindsight: {as_text(settings.hindsight)})",
         "map": f" (memory at the start: {as_text(settings.map_memory)})",
     }
-    agent = f"{as_text(settings.agent)} agent{detail.get(settings.agent, '')}"
+    agent = f"{as_text(settings.agent)} agent{detail.get(settings.agent, '')}{IMAGINED[settings.imagined]}"
     actions = "drawn from the policy" if settings.policy == "sample" else "of highest probability"
     uniform = "" if settings.new_targets == "paper" else ", Task II's targets drawn uniformly"
     return [
@@ -157,13 +179,18 @@ def _summary(settings: RunSettings, data: RunData) -> list[str]:
 def _tasks(data: RunData, heading: str) -> list[str]:
     """A section for each task."""
     interval = ", ± half of its 95% interval over seeds (Student's t)" if len(data.seeds) > 1 else ""
-    bold = " Bold: the best method, if its interval does not overlap any other." if len(data.seeds) > 1 else ""
+    bold = (
+        " Bold: the best method of the agent, if its interval does not overlap any other."
+        if len(data.seeds) > 1
+        else ""
+    )
     text = []
     for number, (task, results) in enumerate(data.results.items()):
         write_table(data.folder.table(f"task-{task}"), table_columns(results))
         table = {"I": 1, "II": 2, "III": 3}[task]
-        text += [f"{heading} Task {task}: {TASK_NAMES[task]} (the paper's Table {table})", "", markdown_table(results)]
-        text.append("")
+        text += [f"{heading} Task {task}: {TASK_NAMES[task]} (the paper's Table {table})", ""]
+        text += [markdown_table(results), ""]
+        text += _agents_beside(results, data)
         own = sorted({row.method for row in results.rows if row.agent == OWN})
         if own:
             verb = "is" if len(own) == 1 else "are"
@@ -181,12 +208,20 @@ def _tasks(data: RunData, heading: str) -> list[str]:
     return text
 
 
+def _agents_beside(results: Results, data: RunData) -> list[str]:
+    """What the agents beside the run's own are, and the files of their reports."""
+    agents = [agent for name, agent in BESIDE_NAMES.items() if any(row.method == name for row in results.rows)]
+    pages = [data.folder.beside(agent).path / "report.html" for agent in agents]
+    files = [as_code(page.relative_to(data.folder.path).as_posix()) for page in pages]
+    described = [f"{agent} is {AGENT_NAMES[agent]}" for agent in agents]
+    return [f"Agents beside the paper's: {'; '.join(described)}. Their reports: {listed(files)}.", ""] if agents else []
+
+
 def _differences(data: RunData, heading: str, *, worded: bool) -> list[str]:
-    """Paired differences between methods; one sentence if there is only one seed."""
+    """Paired differences between methods; nothing if there is only one seed."""
     paired = differences(data.results)
     if not paired:
-        compared = OURS in data.trained and bool(set(BASELINES) & set(data.trained))
-        return [*statement(paired), ""] if compared and worded else []
+        return []
     write_table(data.folder.table("differences"), difference_columns(paired))
     return [
         f"{heading} Differences on the same seeds",
@@ -227,7 +262,7 @@ def _figures(data: RunData, base: Path, heading: str) -> list[str]:
         for figure in data.drawn("learning", lambda: [learning_curve_figure(data, curves)]):
             text += _shown(figure, base)
         text += [success_table(curves), ""]
-    for draw in (press_curve_figure, prediction_figure, episode_figures, map_figures):
+    for draw in (press_curve_figure, prediction_figure, search_figures, episode_figures, map_figures):
         for figure in draw(data):
             text += _shown(figure, base)
     if data.faults:

@@ -3,7 +3,7 @@
 The report can therefore be made again after other fields of the configuration were renamed or removed.
 """
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import AliasChoices, AliasPath, Field, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
@@ -23,6 +23,7 @@ class RunSettings:
         weights: weights of the encoder.
         new_targets: how Task II's targets were drawn, `paper` or `uniform`.
         policy: whether actions were drawn (`sample`) or the most probable ones (`greedy`).
+        imagine: which imagined targets the siamese agent trains on; `none` if the configuration does not say.
         map_weights: weights of the mapping agent: `package`, `train` or a file; empty if not given.
         map_memory: memory of the mapping agent at the start of an episode in a training scene, `empty` or `filled`.
         hindsight: which states could be goals; empty if the configuration does not say.
@@ -34,12 +35,20 @@ class RunSettings:
     weights: Annotated[str, Field(validation_alias=AliasPath("encoder", "weights"))]
     new_targets: Annotated[str, Field(validation_alias=AliasPath("evaluation", "new_targets"))]
     policy: Annotated[str, Field(validation_alias=AliasPath("evaluation", "policy"))]
+    imagine: Annotated[
+        Literal["none", "told", "reward-alone"], Field(validation_alias=AliasPath("siamese", "imagine"))
+    ] = "none"
     map_weights: Annotated[str, Field(validation_alias=AliasPath("map", "weights"))] = ""
     map_memory: Annotated[str, Field(validation_alias=AliasPath("map", "memory"))] = "empty"
     hindsight: Annotated[
         str,
         Field(validation_alias=AliasChoices(AliasPath("goals", "hindsight"), AliasPath("metric", "hindsight"))),
     ] = ""
+
+    @property
+    def imagined(self) -> Literal["none", "told", "reward-alone"]:
+        """Which imagined targets the run's agent trains on."""
+        return self.imagine if self.agent == "siamese" else "none"
 
     @property
     def training(self) -> str:

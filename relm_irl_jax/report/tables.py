@@ -8,7 +8,7 @@ from rich.table import Table
 from relm_irl_jax.report.intervals import MeanInterval, mean_interval
 from relm_irl_jax.report.names import METRIC_NAMES, as_text, heading, in_order, method_name
 from relm_irl_jax.report.paper import COLUMNS, PAPER
-from relm_irl_jax.results import ResultRow, Results, RewardQualityRow
+from relm_irl_jax.results import BESIDE_NAMES, ResultRow, Results, RewardQualityRow
 from relm_irl_jax.scenes.scene import ROOM_TYPES
 
 METRICS = tuple(METRIC_NAMES)
@@ -101,7 +101,7 @@ def separate_best(rows: Sequence[ResultRow], metric: str, column: str) -> str | 
     """The best method, if its interval does not overlap the interval of any other method.
 
     Args:
-        rows: the rows.
+        rows: the rows; agents beside the run's own are not compared, since they have other means.
         metric: `sr`, `ple` or `spl`.
         column: a room type, or `mean`.
 
@@ -109,7 +109,9 @@ def separate_best(rows: Sequence[ResultRow], metric: str, column: str) -> str | 
         The method; None if intervals overlap or are undefined.
     """
     sign = -1.0 if metric == "ple" else 1.0
-    intervals = {method: interval_of(rows, method, metric, column) for method in methods_of(rows)}
+    intervals = {
+        method: interval_of(rows, method, metric, column) for method in methods_of(rows) if method not in BESIDE_NAMES
+    }
     best = max(intervals, key=lambda method: sign * intervals[method].mean)
     lower_end = sign * intervals[best].mean - intervals[best].half_width
     others = [sign * value.mean + value.half_width for method, value in intervals.items() if method != best]

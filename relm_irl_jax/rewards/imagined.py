@@ -77,9 +77,16 @@ def imagined_states(scenes: Sequence[Scene], split: TaskSplit, largest: int, gen
 
 
 def constant_rewards(
-    scenes: Sequence[Scene], split: TaskSplit, states: States, step: float, target: float, collision: float
+    scenes: Sequence[Scene],
+    split: TaskSplit,
+    states: States,
+    *,
+    step: float,
+    target: float,
+    collision: float,
+    told: bool,
 ) -> ImaginedTargets:
-    """Rewards that do not depend on what is seen; they teach only an agent that is told of arrivals.
+    """The same reward for every step but the one to the target, whatever is seen.
 
     Args:
         scenes: training scenes.
@@ -88,6 +95,7 @@ def constant_rewards(
         step: reward of a step.
         target: reward for reaching the target.
         collision: largest reward of an action that collides.
+        told: whether the episode ends at the target.
 
     Returns:
         The targets.
@@ -98,7 +106,7 @@ def constant_rewards(
         rewards[np.arange(len(rewards)), states[number]] = target
         return rewards
 
-    return _targets(states, split, rewards, collision, told=True)
+    return _targets(states, split, rewards, collision, told=told)
 
 
 def predicted_rewards(

@@ -40,6 +40,9 @@ class SceneSettings:
     """Rows and columns of the views of built-in rooms; by default as many as the encoder takes."""
     first_room: NonNegativeInt = 0
     """Number of the first built-in room of each type; training rooms come first, then unseen rooms."""
+    first_unseen: NonNegativeInt | None = None
+    """Number of the first unseen built-in room of each type, so that other training rooms leave the unseen ones the
+    same; by default they follow the training rooms."""
 
 
 @runtime_checkable
@@ -75,9 +78,10 @@ def training_scenes(scenes: str, settings: SceneSettings) -> list[SceneLoader]:
         A function for each scene that loads it.
 
     Raises:
-        InputError: the folder or a file in it cannot be used.
+        InputError: the folder or a file in it cannot be used, or a built-in room would be trained and unseen.
     """
     if scenes == ROOMS:
+        _first_unseen(settings)  # refused before the training
         return _built_in_rooms(settings.first_room, settings.training_per_type, settings)
     chosen = [path for training, _ in _scenes_by_type(scenes, settings).values() for path in training]
     return [partial(load_scene, path) for path in chosen]
@@ -94,11 +98,11 @@ def unseen_scenes(scenes: str, settings: SceneSettings) -> list[SceneLoader]:
         A function for each scene that loads it.
 
     Raises:
-        InputError: the folder or a file in it cannot be used, or the folder contains too few scenes.
+        InputError: the folder or a file in it cannot be used, the folder contains too few scenes, or a built-in room
+            would be trained and unseen.
     """
     if scenes == ROOMS:
-        first = settings.first_room + settings.training_per_type
-        return _built_in_rooms(first, settings.unseen_per_type, settings)
+        return _built_in_rooms(_first_unseen(settings), settings.unseen_per_type, settings)
     chosen = []
     for room_type, (training, others) in _scenes_by_type(scenes, settings).items():
         if not others:
@@ -169,6 +173,18 @@ def scene_files(folder: Path) -> list[Path]:
     return sorted(path for path in folder.iterdir() if path.suffix in (".h5", ".hdf5"))
 
 
+def _first_unseen(settings: SceneSettings) -> int:
+    """Number of the first unseen built-in room of each type."""
+    trained = range(settings.first_room, settings.first_room + settings.training_per_type)
+    first = trained.stop if settings.first_unseen is None else settings.first_unseen
+    if both := set(trained) & set(range(first, first + settings.unseen_per_type)):
+        raise InputError(
+            f"scene.first_unseen: room {min(both)} of each type would be trained and unseen, since rooms "
+            f"{trained.start} to {trained.stop - 1} are trained; give another number."
+        )
+    return first
+
+
 def _built_in_rooms(first: int, count: int, settings: SceneSettings) -> list[SceneLoader]:
     """Rooms `first` to `first + count - 1` of every type."""
     if settings.training:
@@ -184,6 +200,8 @@ def _built_in_rooms(first: int, count: int, settings: SceneSettings) -> list[Sce
 def _scenes_by_type(scenes: str, settings: SceneSettings) -> dict[str, tuple[list[Path], list[Path]]]:
     """Training scenes and all other scenes of a folder, by room type in alphabetical order."""
     check_scenes_setting(scenes)
+    if settings.first_unseen is not None:
+        raise InputError("scene.first_unseen: numbers built-in rooms; leave it out for a folder of scenes.")
     by_type = defaultdict(list)
     names: dict[str, Path] = {}
     first: _Features | None = None

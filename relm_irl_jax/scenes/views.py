@@ -7,13 +7,13 @@ import numpy as np
 from jaxtyping import UInt8
 from PIL import Image
 
-from relm_irl_jax.errors import InputError
 from relm_irl_jax.scenes.scene import Scene
-from relm_irl_jax.scenes.selection import SceneSettings, training_scenes, unseen_scenes
+from relm_irl_jax.scenes.selection import SceneSettings, scene_to_show
 
 
+@lru_cache(maxsize=32)
 def scene_views(scenes: str, settings: SceneSettings, size: int, name: str) -> UInt8[np.ndarray, "states size size 3"]:
-    """Views of one of the training or unseen scenes.
+    """Views of one scene; those of the scenes asked for last are kept.
 
     Args:
         scenes: `rooms`, or a folder of scene files.
@@ -27,20 +27,7 @@ def scene_views(scenes: str, settings: SceneSettings, size: int, name: str) -> U
     Raises:
         InputError: there is no such scene, or it has no views.
     """
-    for unseen in (False, True):
-        views = _views(scenes, settings, size, unseen=unseen)
-        if name in views:
-            return views[name]
-    raise InputError(f"scenes: {scenes} has no training or unseen scene {name}.")
-
-
-@lru_cache(maxsize=2)
-def _views(
-    scenes: str, settings: SceneSettings, size: int, *, unseen: bool
-) -> dict[str, UInt8[np.ndarray, "states height width 3"]]:
-    """Views of all training or all unseen scenes by name."""
-    loaders = (unseen_scenes if unseen else training_scenes)(scenes, replace(settings, image_size=size))
-    return {scene.name: resized(scene, size) for scene in (load() for load in loaders)}
+    return resized(scene_to_show(scenes, replace(settings, image_size=size), name), size)
 
 
 def resized(scene: Scene, size: int) -> UInt8[np.ndarray, "states size size 3"]:

@@ -1,8 +1,9 @@
 """Paths of a trained agent's episodes, for the report and for animations."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Int32
 
@@ -17,7 +18,7 @@ from relm_irl_jax.stages.encoding import EncodedScenes
 from relm_irl_jax.stages.evaluation import load_policy
 from relm_irl_jax.stages.worlds import EvaluationTask, evaluation_task
 from relm_irl_jax.types import Policy
-from relm_irl_jax.world import scene_offsets
+from relm_irl_jax.world import Targets, World, scene_offsets
 
 
 @dataclass(frozen=True)
@@ -64,6 +65,29 @@ def episode_paths(key: jax.Array, policy: Policy, task: EvaluationTask, cap: int
     return paths
 
 
+def path_from(key: jax.Array, policy: Policy, world: World, targets: Targets, start: int, cap: int) -> EpisodePath:
+    """Run an episode to the only target of a world of one scene.
+
+    Args:
+        key: source of all randomness.
+        policy: the policy, made for this world and target.
+        world: the scene.
+        targets: the target.
+        start: the first state.
+        cap: number of steps after which the episode is truncated.
+
+    Returns:
+        The path.
+    """
+    # Targets that can be reached from this start alone: every episode begins there.
+    only = replace(targets, start=jnp.full_like(targets.start, start), n_starts=jnp.ones_like(targets.n_starts))
+    states = trace_episodes(key, policy, world, only, cap)[0][0]
+    target = int(targets.state[0])
+    reached = np.flatnonzero(states == target)
+    last = int(reached[0]) if len(reached) else cap
+    return EpisodePath(states[: last + 1].astype(np.int32), target, int(targets.distance[0, start]))
+
+
 @dataclass(frozen=True)
 class AgentChoice:
     """A trained agent and a task.
@@ -79,9 +103,24 @@ class AgentChoice:
     seed: int = 0
 
 
-def paths_of_agent(
+@dataclass(frozen=True)
+class PlayedTask:
+    """One episode in each scene of a task.
+
+    Attributes:
+        task: scenes and targets.
+        policy: the policy that acted.
+        paths: for each scene, the scene without its views and the path.
+    """
+
+    task: EvaluationTask
+    policy: Policy
+    paths: list[tuple[Scene, EpisodePath]]
+
+
+def play_task(
     config: Config, folder: RunFolder, training: EncodedScenes, choice: AgentChoice, episode: int
-) -> tuple[EvaluationTask, list[tuple[Scene, EpisodePath]]]:
+) -> PlayedTask:
     """Run one episode in each scene of a task.
 
     Args:
@@ -92,31 +131,41 @@ def paths_of_agent(
         episode: number of the episode, which determines start, target and actions.
 
     Returns:
-        The task, and for each scene the scene without its views and the path.
+        The episodes.
     """
     task = evaluation_task(config, training, choice.task, choice.seed)
     policy = load_policy(config, folder, choice.method, choice.seed, task)
     key = jax.random.fold_in(jax.random.key(choice.seed), episode)
     paths = episode_paths(key, policy, task, config.tasks.cap)
-    return task, list(zip(task.scenes, paths, strict=True))
+    return PlayedTask(task, policy, list(zip(task.scenes, paths, strict=True)))
 
 
-def save_shown_episodes(config: Config, folder: RunFolder, training: EncodedScenes, choice: AgentChoice) -> None:
-    """Save the first episode in one scene of each room type, for the report.
+def first_of_each_room_type(played: PlayedTask) -> list[int]:
+    """Numbers of the scenes that the report shows.
+
+    Args:
+        played: one episode in each scene.
+    """
+    first: dict[str, int] = {}
+    for number, (scene, _) in enumerate(played.paths):
+        first.setdefault(scene.room_type, number)
+    return list(first.values())
+
+
+def save_shown_episodes(config: Config, folder: RunFolder, choice: AgentChoice, played: PlayedTask) -> None:
+    """Save the episode in one scene of each room type, for the report.
 
     Args:
         config: the configuration as run.
         folder: the run folder.
-        training: the training scenes.
         choice: the agent and the task.
+        played: its episodes.
     """
-    task, paths = paths_of_agent(config, folder, training, choice, 0)
-    category = {(target.scene, target.state): target.category for target in task.chosen}
-    shown: dict[str, SavedEpisode] = {}
-    for number, (scene, path) in enumerate(paths):
-        if scene.room_type in shown:
-            continue
-        shown[scene.room_type] = SavedEpisode(
+    category = {(target.scene, target.state): target.category for target in played.task.chosen}
+    shown: list[SavedEpisode] = []
+    for number in first_of_each_room_type(played):
+        scene, path = played.paths[number]
+        episode = SavedEpisode(
             poses=poses_of(scene),
             method=choice.method,
             seed=choice.seed,
@@ -126,4 +175,5 @@ def save_shown_episodes(config: Config, folder: RunFolder, training: EncodedScen
             shortest_path=follow_expert(scene, shortest_path_expert(scene, path.target), int(path.states[0])).states,
             target_view=scene_to_show(config.scenes, config.scene, scene.name).views[path.target],
         )
-    save_episodes(folder.episodes(choice.task), list(shown.values()))
+        shown.append(episode)
+    save_episodes(folder.episodes(choice.task), shown)

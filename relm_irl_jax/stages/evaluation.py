@@ -18,6 +18,7 @@ from relm_irl_jax.results import ResultRow, Results, load_entries, save_results
 from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.saved_maps import SHORTEST_PATH, StateMap, poses_of, save_map
 from relm_irl_jax.scenes.scene import first_of_each_type
+from relm_irl_jax.stages.agents_beside import rows_beside
 from relm_irl_jax.stages.encoding import EncodedScenes
 from relm_irl_jax.stages.make_agent import make_agent
 from relm_irl_jax.stages.rewards import load_predictor
@@ -137,6 +138,7 @@ def evaluate_task(config: Config, folder: RunFolder, training: EncodedScenes, ta
             )
             rows += result_rows(method, "random" if method == "random" else config.agent, seed_task, episodes)
     _save_distances(folder, tasks[0], {m: p for m, p in shown.items() if isinstance(p, DistancePolicy)})
+    rows += rows_beside(config, folder, task)
     rows += load_entries(folder, task)
     results = Results(task, config.tasks.cap, training.encoder_name, tuple(rows))
     save_results(folder, results)

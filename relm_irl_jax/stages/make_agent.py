@@ -1,14 +1,15 @@
 """Makes the agent that a configuration names; the only code that depends on the name."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
-from relm_irl_jax.agents.map.agent import MapAgent
+from relm_irl_jax.agents.map.agent import MapAgent, Views
 from relm_irl_jax.agents.map.network import VIEW
 from relm_irl_jax.agents.map.training_rooms import GeneratedRooms
 from relm_irl_jax.agents.map.weights import SHIPPED, load_weights
 from relm_irl_jax.agents.metric.agent import MetricAgent
+from relm_irl_jax.agents.recurrent.agent import RecurrentAgent
 from relm_irl_jax.agents.siamese.agent import SiameseAgent
 from relm_irl_jax.agents.siamese.behaviour_cloning import BehaviourCloningAgent
 from relm_irl_jax.config import MAP_METHODS, Config, Method, Task
@@ -16,7 +17,7 @@ from relm_irl_jax.errors import InputError
 from relm_irl_jax.results import LEARNED
 from relm_irl_jax.scenes.selection import ROOMS
 from relm_irl_jax.scenes.views import scene_views
-from relm_irl_jax.types import Agent
+from relm_irl_jax.types import Agent, Parameters
 
 
 def make_agent(config: Config, method: Method) -> Agent:
@@ -36,6 +37,8 @@ def make_agent(config: Config, method: Method) -> Agent:
         return MetricAgent(config.metric, greedy)
     if config.agent == "map":
         return _mapping_agent(config)
+    if config.agent == "recurrent":
+        return RecurrentAgent(config.recurrent, greedy)
     return SiameseAgent(config.siamese, greedy)
 
 
@@ -48,6 +51,18 @@ def _mapping_agent(config: Config) -> MapAgent:
         return MapAgent(views, config.map, trained=lambda: load_weights(path)[0])
     rooms = GeneratedRooms(config.map.rooms, config.scene.size) if config.scenes == ROOMS else None
     return MapAgent(views, config.map, rooms)
+
+
+def packaged_agent(views: Callable[[int], Views]) -> tuple[MapAgent, Parameters]:
+    """The mapping agent with the weights of the package, for scenes that belong to no run.
+
+    Args:
+        views: returns RGB views of a scene's states, given their rows and columns.
+
+    Returns:
+        The agent and its parameters.
+    """
+    return MapAgent(lambda _: views(VIEW)), load_weights()[0]
 
 
 def trains(config: Config) -> bool:
@@ -95,5 +110,8 @@ def check_agent(config: Config, tasks: Sequence[Task]) -> None:
         )
     if config.agent == "map" and not trains(config) and (weights := config.resolved().map.weights) != "package":
         load_weights(Path(weights))  # raises before the work
-    if config.agent == "siamese" and config.siamese.heads == "scene" and "III" in tasks:
-        raise InputError("siamese.heads: scene has no head for the unseen scenes of task III; use room_type or shared.")
+    heads = {"siamese": config.siamese.heads, "recurrent": config.recurrent.heads}.get(config.agent)
+    if heads == "scene" and "III" in tasks:
+        raise InputError(
+            f"{config.agent}.heads: scene has no head for the unseen scenes of task III; use room_type or shared."
+        )

@@ -26,6 +26,9 @@ COST_TABLES = 8
 ACTIVATIONS = 4
 """Arrays of a training step with one row of a layer's width for each frame: three layers and a gradient."""
 
+GATES = 4
+"""Products of each unit of a recurrent memory."""
+
 MATRICES = 3
 """Matrices of the size of the hidden layer's outputs while a regressor is fitted."""
 
@@ -77,7 +80,7 @@ def estimates(config: Config) -> dict[str, int]:
         needed["scene.image_size: the views of a room"] = (
             LARGEST_ROOM * (scene_settings(config).image_size or 0) ** 2 * 3
         )
-    needed |= _training_steps(config).get(config.agent, {})
+    needed |= _training_steps(config).get(config.trained_agent, {})
     if {"elm-irl", "relm-irl"} & set(config.chosen_methods()):
         # `elm.pairs` is an upper bound, of which a run with few demonstrations has fewer.
         needed["elm.hidden and elm.pairs: fitting the regressor"] = (
@@ -96,13 +99,18 @@ def _training_states(config: Config) -> int:
 
 def _training_steps(config: Config) -> dict[str, dict[str, int]]:
     """Bytes of a training step of each agent."""
-    siamese, metric = config.siamese, config.metric
+    siamese, metric, recurrent = config.siamese, config.metric, config.recurrent
     frames = siamese.workers * siamese.t_max
     pairs = metric.states * metric.goals * metric.groups
     return {
         "siamese": {
             "siamese.workers, siamese.t_max and siamese.width: a training step": frames
             * (siamese.width * ACTIVATIONS * FLOAT32)
+        },
+        "recurrent": {
+            "recurrent.workers, recurrent.t_max and recurrent.memory: a training step": recurrent.workers
+            * recurrent.t_max
+            * (recurrent.memory * GATES * ACTIVATIONS * FLOAT32)
         },
         "metric": {
             "metric.states, metric.goals and metric.groups: a training step": pairs * ACTIVATIONS * FLOAT32,

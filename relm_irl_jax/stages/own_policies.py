@@ -13,7 +13,16 @@ from relm_irl_jax.config import METHODS, Config, Task
 from relm_irl_jax.errors import InputError, first_line
 from relm_irl_jax.evaluation import evaluation_key
 from relm_irl_jax.progress import progress_bar
-from relm_irl_jax.results import OWN, ResultRow, Results, join_results, load_results, save_entry, save_results
+from relm_irl_jax.results import (
+    BESIDE_NAMES,
+    OWN,
+    ResultRow,
+    Results,
+    join_results,
+    load_results,
+    save_entry,
+    save_results,
+)
 from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.scenes.selection import training_scenes, unseen_scenes
 from relm_irl_jax.stages.encoding import EncodedScenes, scene_settings
@@ -86,7 +95,7 @@ def check_name(name: str) -> str:
     Raises:
         InputError: it is a method's of this package, or cannot be a file's name.
     """
-    if name in METHODS:
+    if name in METHODS or name in BESIDE_NAMES:
         raise InputError(f"name: {name} is a method of this package; give another name.")
     if not NAME.fullmatch(name):
         raise InputError(f"name: {name!r} is refused; give up to 40 letters, digits, blanks or . _ + -")

@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import jax
@@ -156,11 +157,14 @@ def imagined_of(
     states = imagined_states(scenes, split, settings.imagined_targets, generator)
     if predictor is not None:
         return predicted_rewards(split, states, predictor, generator, None if told else settings.cost_limit)
+    constant = partial(constant_rewards, scenes, split, states, told=told)
     if method == "rl" and told:
         manual = config.manual
-        return constant_rewards(scenes, split, states, manual.step, manual.target, manual.collision)
+        return constant(step=manual.step, target=manual.target, collision=manual.collision)
     if method == "constant" and told:
-        return constant_rewards(scenes, split, states, -r_max, 0.0, np.inf)
+        return constant(step=-r_max, target=0.0, collision=np.inf)
+    if method == "constant":  # the view that equals the target's is paid, which takes no learning of rewards
+        return constant(step=0.0, target=r_max, collision=0.0)
     return None
 
 

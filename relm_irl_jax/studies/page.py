@@ -27,6 +27,7 @@ CLAIM = (
 
 RUN_TITLES = {
     "siamese": "The paper's agent: the siamese actor-critic",
+    "siamese-told": "The paper's agent, told of arrivals at imagined targets: what the targets alone teach",
     "metric": "The metric agent: distances between views (not in the paper)",
     "metric-open": "The metric agent, open: evaluation targets may also be goals",
     "metric-no-hindsight": "The metric agent without hindsight: only methods that predict rewards have further goals",

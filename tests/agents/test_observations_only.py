@@ -6,10 +6,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tiny import SMALL, TARGETS, problem, two_rooms
+from tiny import RECURRENT, SMALL, TARGETS, problem, two_rooms
 
 from relm_irl_jax.agents.metric.agent import MetricAgent
 from relm_irl_jax.agents.random_agent import RandomPolicy
+from relm_irl_jax.agents.recurrent.agent import RecurrentAgent
 from relm_irl_jax.agents.settings import MetricSettings
 from relm_irl_jax.agents.siamese.agent import SiameseAgent
 from relm_irl_jax.agents.siamese.behaviour_cloning import BehaviourCloningAgent
@@ -41,6 +42,7 @@ AGENTS = {
     "siamese, three views": SiameseAgent(dataclasses.replace(SMALL, history=3)),
     "behaviour cloning": BehaviourCloningAgent(SMALL),
     "metric": MetricAgent(METRIC),
+    "recurrent": RecurrentAgent(RECURRENT),
 }
 
 

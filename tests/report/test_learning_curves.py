@@ -36,6 +36,8 @@ def test_the_running_mean_counts_episodes():
 def test_frames_to_success():
     assert frames_to_success(curve([0.0] + [1.0] * 5)) == 600.0
     assert np.isnan(frames_to_success(curve([0.9] * 6)))
+    assert np.isnan(frames_to_success(curve([1.0, 1.0, 0.5, 0.9])))
+    assert frames_to_success(curve([1.0] + [0.2] * 4 + [1.0] * 8)) > 600.0
 
 
 def test_a_band_has_students_width():

@@ -30,7 +30,7 @@ def test_evaluation_targets_are_never_imagined(seed, largest):
 
 def test_constant_rewards_by_hand():
     scene = grid_scene(1, 1)
-    targets = constant_rewards([scene], SPLIT, [np.array([2, 0])], -0.5, 3.0, -0.7)
+    targets = constant_rewards([scene], SPLIT, [np.array([2, 0])], step=-0.5, target=3.0, collision=-0.7, told=True)
     np.testing.assert_allclose(targets.reward[0], [[-0.5, -0.5, 3.0, -0.5], [3.0, -0.5, -0.5, -0.5]])
     assert int(targets.trained[0]) == 1
     assert bool(targets.told)

@@ -50,6 +50,19 @@ def test_training_scenes_may_be_named(folder):
         training_scenes("rooms", settings)
 
 
+def test_unseen_rooms_stay_the_same_with_other_training_rooms(folder):
+    tiny = SceneSettings(size="tiny", training_per_type=1, unseen_per_type=1)
+    names = lambda scenes: [scene.keywords | {"type": scene.args} for scene in scenes]  # noqa: E731
+    other = replace(tiny, first_room=7, training_per_type=4, first_unseen=1)
+    assert names(unseen_scenes("rooms", tiny)) == names(unseen_scenes("rooms", other))
+    assert len(training_scenes("rooms", other)) == 12
+    for first, faulty in ((7, 7), (10, 10), (6, 7)):
+        with pytest.raises(InputError, match=rf"room {faulty} of each type would be trained and unseen.* 7 to 10 "):
+            training_scenes("rooms", replace(other, first_unseen=first, unseen_per_type=2))
+    with pytest.raises(InputError, match=r"scene\.first_unseen: numbers built-in rooms"):
+        training_scenes(folder, SceneSettings(first_unseen=3))
+
+
 def test_values_that_hold_no_scene_are_refused(tmp_path):
     with pytest.raises(InputError, match="is not a folder"):
         check_scenes_setting(str(tmp_path / "absent"))

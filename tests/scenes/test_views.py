@@ -29,7 +29,7 @@ def test_scenes_without_views_and_unknown_ones_are_refused(tmp_path):
     save_scene(replace(grid_scene(2, 2, name="bathroom-1"), observation=views + 1), tmp_path / "b.h5")
     assert (scene_views(str(tmp_path), SETTINGS, 2, "bathroom-0") == 7).all()
     assert (scene_views(str(tmp_path), SETTINGS, 2, "bathroom-1") == 8).all()
-    with pytest.raises(InputError, match="no training or unseen scene bathroom-7"):
+    with pytest.raises(InputError, match="contains no scene bathroom-7"):
         scene_views(str(tmp_path), SETTINGS, 2, "bathroom-7")
     with pytest.raises(InputError, match="the scene has no views"):
         resized(grid_scene(2, 2), 2)

@@ -39,10 +39,18 @@ def test_methods_that_are_told_have_the_same_targets(inputs):
 
 @pytest.mark.parametrize(
     ("protocol", "method"),
-    [("told", "irl"), ("reward-alone", "rl"), ("reward-alone", "irl"), ("reward-alone", "constant")],
+    [("told", "irl"), ("reward-alone", "rl"), ("reward-alone", "irl")],
 )
 def test_methods_without_a_reward_for_new_targets_have_the_given_ones(inputs, protocol, method):
     assert imagined_of(imagining(protocol), method, inputs, None) is None
+
+
+def test_the_control_of_reward_alone_is_paid_at_the_target_only(inputs):
+    control = imagined_of(imagining("reward-alone"), "constant", inputs, None)
+    assert not bool(control.told)
+    assert float(control.collision) == 0.0
+    for reward, states in zip(control.reward, control.state, strict=True):
+        np.testing.assert_array_equal(reward, np.arange(reward.shape[1]) == np.asarray(states)[:, None])
 
 
 def test_the_control_of_the_metric_agent_imagines_without_hindsight(inputs):

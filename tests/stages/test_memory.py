@@ -21,14 +21,18 @@ CONFIG = Config()
 
 
 def test_the_defaults_fit_into_two_gigabytes():
-    for agent in ("siamese", "metric"):
+    for agent in ("siamese", "metric", "recurrent"):
         assert max(estimates(replace(CONFIG, agent=agent)).values()) < 2e9
 
 
 @pytest.mark.parametrize(
     ("config", "said"),
     [
-        (replace(CONFIG, siamese=replace(CONFIG.siamese, workers=10**6, t_max=1000)), r"siamese\.workers.*8,192\.0 GB"),
+        (replace(CONFIG, siamese=replace(CONFIG.siamese, workers=10**6, t_max=1000)), r"siamese\.workers.*4,096\.0 GB"),
+        (
+            replace(CONFIG, agent="recurrent", recurrent=replace(CONFIG.recurrent, workers=10**6)),
+            r"recurrent\.workers",
+        ),
         (replace(CONFIG, agent="metric", metric=replace(CONFIG.metric, states=10**5, goals=10**5)), r"metric\.states"),
         (replace(CONFIG, elm=replace(CONFIG.elm, hidden=10**6, pairs=10**6)), r"elm\.hidden.*24,000\.0 GB"),
         (replace(CONFIG, scene=replace(CONFIG.scene, training_per_type=1000)), r"scene\.training_per_type: features"),

@@ -57,5 +57,5 @@ def test_room_types_and_features_are_those_of_the_training_scenes():
     expected = (training[1].encoded - features.mean(0)) / features.std(0)
     np.testing.assert_allclose(world.features[: training[1].n_states], expected, rtol=1e-4, atol=1e-5)
     with pytest.raises(InputError, match=r"attic-2: siamese\.heads = room_type has no head"):
-        scene_heads(world, SiameseSettings())
+        scene_heads(world, SiameseSettings(heads="room_type"))
     assert scene_heads(world, SiameseSettings(heads="shared")).tolist() == [0, 0]

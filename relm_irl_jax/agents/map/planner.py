@@ -8,7 +8,7 @@ and a turn costs 1. The least cost d(g) of reaching pose g from the current one 
 
     d(g) = min_{g' → g} d(g') + c(g' → g),    d(current) = 0
 
-(Bellman–Ford). It is optimistic: what is not known to be blocked may be free.
+which `sweeps` computes. It is optimistic: what is not known to be blocked may be free.
 
 *Search.* Of the posterior P over the target's pose, a path g_1, g_2, … discovers Σ_i γ^{d(g_i)} P(g_i), each pose
 counting with the discount of the moment at which it is reached. Among shortest paths, the best one to each pose obeys
@@ -29,13 +29,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float32, Int32
 
-from relm_irl_jax.agents.map.geometry import FORWARD, RADIUS, SIDE
-
-NEVER = 1e6
-"""Cost of what cannot be reached."""
-
-_TOLERANCE = 1e-3
-"""Difference below which two paths cost the same."""
+from relm_irl_jax.agents.map.geometry import FORWARD, SIDE
+from relm_irl_jax.agents.map.sweeps import NEVER, TOLERANCE, discoveries, from_lines, least_costs, to_lines
 
 
 class Plan(NamedTuple):
@@ -52,29 +47,6 @@ class Plan(NamedTuple):
     goal: Int32[Array, "batch"]
     distance: Float32[Array, "4 z x batch"]
     value: Float32[Array, "4 z x batch"]
-
-
-def _shifted(values: Float32[Array, "z x batch"], step: tuple[int, int], fill: float) -> Float32[Array, "z x batch"]:
-    """Values of the place that lies one step back: result[p] = values[p − step], with step = (x, z)."""
-    x, z = step
-    padded = jnp.pad(values, [(1, 1), (1, 1), (0, 0)], constant_values=fill)
-    return padded[1 - z : 1 - z + SIDE, 1 - x : 1 - x + SIDE]
-
-
-def predecessors(values: Float32[Array, "4 z x batch"], fill: float) -> list[Float32[Array, "4 z x batch"]]:
-    """Values of the pose from which each action arrives, in the order of the actions.
-
-    Args:
-        values: one value for each pose.
-        fill: value beyond the square of poses.
-
-    Returns:
-        Four arrays: result[a][g] = values[g'] where action a leads from g' to g.
-    """
-    steps = [(int(x), int(z)) for x, z in FORWARD]
-    ahead = jnp.stack([_shifted(values[h], steps[h], fill) for h in range(4)])
-    back = jnp.stack([_shifted(values[h], (-steps[h][0], -steps[h][1]), fill) for h in range(4)])
-    return [ahead, jnp.roll(values, 1, 0), jnp.roll(values, -1, 0), back]
 
 
 def place_costs(
@@ -96,64 +68,6 @@ def place_costs(
     """
     cost = 1 + caution * jax.nn.relu(-free)
     return jnp.where(blocked, NEVER, jnp.where(stood, 1.0, cost))
-
-
-def least_costs(cost: Float32[Array, "z x batch"], pose: Int32[Array, "3 batch"]) -> Float32[Array, "4 z x batch"]:
-    """Least cost of reaching every pose.
-
-    Args:
-        cost: cost of entering each place.
-        pose: current heading, z and x.
-
-    Returns:
-        d; `NEVER` or more where there is no way.
-    """
-    start = jnp.full((4, *cost.shape), NEVER)
-    start = start.at[pose[0], pose[1] + RADIUS, pose[2] + RADIUS, jnp.arange(cost.shape[-1])].set(0.0)
-
-    def relax(carry):
-        distance, _ = carry
-        ahead, right, left, back = predecessors(distance, NEVER)
-        better = jnp.minimum(jnp.minimum(ahead, back) + cost, jnp.minimum(right, left) + 1)
-        better = jnp.minimum(better, distance)
-        return better, (better < distance - _TOLERANCE).any()
-
-    return jax.lax.while_loop(lambda carry: carry[1], relax, (start, jnp.bool_(True)))[0]
-
-
-def _parents(
-    distance: Float32[Array, "4 z x batch"], cost: Float32[Array, "z x batch"]
-) -> list[Bool[Array, "4 z x batch"]]:
-    """Whether each action arrives along a shortest path."""
-    steps = (cost, jnp.float32(1), jnp.float32(1), cost)
-    return [
-        (before + step < distance + _TOLERANCE) & (distance < NEVER)
-        for before, step in zip(predecessors(distance, NEVER), steps, strict=True)
-    ]
-
-
-def discoveries(
-    gain: Float32[Array, "4 z x batch"], parents: list[Bool[Array, "4 z x batch"]]
-) -> Float32[Array, "4 z x batch"]:
-    """The largest sum of gains along a shortest path to every pose.
-
-    Args:
-        gain: γ^d P of each pose.
-        parents: whether each action arrives along a shortest path.
-
-    Returns:
-        U.
-    """
-
-    def extend(carry):
-        value, _ = carry
-        before = jnp.zeros_like(value)
-        for parent, earlier in zip(parents, predecessors(value, 0.0), strict=True):
-            before = jnp.maximum(before, jnp.where(parent, earlier, 0.0))
-        after = gain + before
-        return after, (after > value * (1 + 1e-4) + 1e-7).any()
-
-    return jax.lax.while_loop(lambda carry: carry[1], extend, (gain, jnp.bool_(True)))[0]
 
 
 def _first_action(
@@ -183,13 +97,13 @@ def _first_action(
         ]
         worth = jnp.stack(
             [
-                jnp.where(at(distance, h, zz, xx, NEVER) + paid < here + _TOLERANCE, at(value, h, zz, xx, -1.0), -2.0)
+                jnp.where(at(distance, h, zz, xx, NEVER) + paid < here + TOLERANCE, at(value, h, zz, xx, -1.0), -2.0)
                 for h, zz, xx, paid in sources
             ]
         )
         best = worth.argmax(0).astype(jnp.int32)
         pick = lambda values: jnp.take_along_axis(jnp.stack(values), best[None], 0)[0]  # noqa: E731
-        moving = here > _TOLERANCE
+        moving = here > TOLERANCE
         heading = jnp.where(moving, pick([s[0] for s in sources]), heading)
         z = jnp.where(moving, pick([s[1] for s in sources]), z)
         x = jnp.where(moving, pick([s[2] for s in sources]), x)
@@ -217,9 +131,12 @@ def plan(
     Returns:
         The plan. Where no pose can be reached, it turns right.
     """
-    distance = least_costs(cost, pose)
-    gain = jnp.where(distance < NEVER, discount**distance * posterior, 0.0)
-    value = discoveries(gain, _parents(distance, cost))
+    lines = least_costs(cost, pose)
+    along_z, along_x = (
+        jnp.where(reach < NEVER, discount**reach * likely, 0.0)
+        for reach, likely in zip(lines, to_lines(posterior), strict=True)
+    )
+    distance, value = from_lines(lines), from_lines(discoveries((along_z, along_x), lines, cost))
     # Of equally valuable poses, the nearest: the path's end adds nothing beyond its last likely pose.
     worth = jnp.where((distance < NEVER) & (distance > 0), value - 1e-7 * distance, -1.0)
     goal = worth.reshape(-1, worth.shape[-1]).argmax(0).astype(jnp.int32)

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Array, Float, Float32, Int32, PRNGKeyArray
 
 from relm_irl_jax.agents.map.filled import FilledMaps
-from relm_irl_jax.agents.map.geometry import GRID, RADIUS
+from relm_irl_jax.agents.map.geometry import GRID, INNER, RADIUS
 from relm_irl_jax.agents.map.memory import (
     Odometry,
     add_view,
@@ -27,13 +27,9 @@ from relm_irl_jax.agents.map.memory import (
 )
 from relm_irl_jax.agents.map.network import RECORD, Projections
 from relm_irl_jax.agents.map.planner import Plan, place_costs, plan
-from relm_irl_jax.agents.map.posterior import (
-    distance_bins,
-    log_posterior,
-    scores,
-    search_kernel,
-)
-from relm_irl_jax.types import Observation, Parameters
+from relm_irl_jax.agents.map.posterior import log_posterior, scores, search_kernel
+from relm_irl_jax.agents.map.prior import Prior, place_prior
+from relm_irl_jax.types import Belief, Observation, Parameters
 
 LARGEST_CHUNK = 32
 """Episodes planned together: their arrays stay in the cache."""
@@ -79,36 +75,6 @@ class Memory:
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
-class Prior:
-    """Learned profiles, laid on the square of poses.
-
-    Attributes:
-        free: log odds that a place is free before anything is seen.
-        pose: log probability of a pose at its distance from the start.
-        scale: weight of the evidence that a place is free.
-    """
-
-    free: Float32[Array, "z x"]
-    pose: Float32[Array, "z x"]
-    scale: Float32[Array, ""]
-
-
-def place_prior(parameters: Parameters) -> Prior:
-    """Lay the learned profiles on the square of poses.
-
-    Args:
-        parameters: the agent's parameters.
-
-    Returns:
-        The prior.
-    """
-    bins = jnp.asarray(distance_bins())
-    prior = parameters["prior"]
-    return Prior(jnp.asarray(prior["free"])[bins], jnp.asarray(prior["pose"])[bins], jnp.asarray(prior["scale"]))
-
-
-@jax.tree_util.register_dataclass
-@dataclass(frozen=True)
 class MapPolicy:
     """The mapping agent, its tables computed for the views and targets at hand.
 
@@ -125,6 +91,11 @@ class MapPolicy:
     prior: Prior
     search: SearchSettings
     filled: FilledMaps | None = None
+
+    @property
+    def deterministic(self) -> bool:
+        """It draws nothing at random."""
+        return True
 
     def init(self, shape: tuple[int, ...]) -> Memory:
         """The memory at the start of an episode: empty, or filled with the map of the scene.
@@ -172,6 +143,23 @@ class MapPolicy:
         actions = jax.lax.map(act_together, order.astype(jnp.int32).reshape(-1, size)).reshape(n)
         action = jnp.zeros(n, jnp.int32).at[order].set(actions).reshape(shape)
         return Memory(memory.grid, memory.odometry, action, memory.steps + 1), action
+
+    def belief(self, memory: Memory, target: Int32[Array, "scenes batch"]) -> Belief:
+        """Where it believes the target to be; see `relm_irl_jax.types.SearchingPolicy`.
+
+        Args:
+            memory: what is remembered, with the current view.
+            target: row of the target.
+
+        Returns:
+            The belief, in the frame of the start, or of the scene's map if the memory began filled.
+        """
+        shape, n = target.shape, target.size
+        flat = jax.tree.map(lambda x: x.reshape(n, *x.shape[len(shape) :]), memory)
+        posterior, free = locate(self, flat, target.reshape(n))
+        weight = flat.grid[:, INNER, INNER, -2].astype(jnp.float32)
+        belief = Belief(flat.odometry.pose, posterior, free, weight / (1 + weight))
+        return jax.tree.map(lambda x: x.reshape(*shape, *x.shape[1:]), belief)
 
 
 def remember(policy: MapPolicy, memory: Memory, observation: Observation) -> Memory:

@@ -14,7 +14,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Int32, PRNGKeyArray
 
-from relm_irl_jax.agents.map.policy import MapPolicy, Memory, Prior
+from relm_irl_jax.agents.map.policy import MapPolicy, Memory
+from relm_irl_jax.agents.map.prior import Prior
 from relm_irl_jax.types import Observation
 
 

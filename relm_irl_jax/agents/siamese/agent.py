@@ -7,11 +7,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PRNGKeyArray
 
+from relm_irl_jax.agents.actor_critic import Outputs
 from relm_irl_jax.agents.settings import SiameseSettings
 from relm_irl_jax.agents.siamese.forward import evaluate_pairs, tabulate
 from relm_irl_jax.agents.siamese.imagined_training import train_on_imagined
 from relm_irl_jax.agents.siamese.joint_seeds import train_seeds
-from relm_irl_jax.agents.siamese.network import Outputs
 from relm_irl_jax.agents.siamese.policy import PairPolicy, SeveralViewsPolicy
 from relm_irl_jax.agents.siamese.sharding import shard_workers, usable_devices
 from relm_irl_jax.agents.siamese.state_target_pairs import state_target_pairs

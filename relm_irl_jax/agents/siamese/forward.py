@@ -17,7 +17,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float32, Int32
 
-from relm_irl_jax.agents.siamese.network import Outputs, SiameseActorCritic, Tables
+from relm_irl_jax.agents.actor_critic import Outputs
+from relm_irl_jax.agents.siamese.network import SiameseActorCritic, Tables
 from relm_irl_jax.agents.siamese.state_target_pairs import StateTargetPairs
 from relm_irl_jax.types import Parameters
 from relm_irl_jax.world import Targets, World

@@ -13,7 +13,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float32, Int32, PRNGKeyArray
 
-from relm_irl_jax.agents.siamese.network import Outputs, SiameseActorCritic, Tables
+from relm_irl_jax.agents.actor_critic import Outputs
+from relm_irl_jax.agents.siamese.network import SiameseActorCritic, Tables
 from relm_irl_jax.rewards.imagined import ImaginedTargets
 from relm_irl_jax.types import Parameters
 from relm_irl_jax.world import World

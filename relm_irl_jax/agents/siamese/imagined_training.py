@@ -83,7 +83,7 @@ def prepare_imagined(
         given_share=jnp.float32(settings.given_share),
         near_starts=jnp.float32(settings.near_starts),
         loss=loss_weights(settings, problem.return_scale),
-        optimizer=optimizer_numbers(settings),
+        optimizer=optimizer_numbers(settings, problem.frames),
     )
     return _initial_state(key, inputs, form), inputs, form
 

@@ -19,6 +19,7 @@ import jax.numpy as jnp
 import optax
 from jaxtyping import Array, Bool, Float32, Int32, PRNGKeyArray
 
+from relm_irl_jax.agents.actor_critic import LossWeights, Outputs
 from relm_irl_jax.agents.rollout import EpisodeSums
 from relm_irl_jax.agents.siamese.imagined_targets import (
     DrawnPairs,
@@ -26,8 +27,6 @@ from relm_irl_jax.agents.siamese.imagined_targets import (
     draw_targets,
     evaluate_drawn,
 )
-from relm_irl_jax.agents.siamese.loss import LossWeights
-from relm_irl_jax.agents.siamese.network import Outputs
 from relm_irl_jax.agents.siamese.update import OptimizerNumbers, UpdateForm, make_optimizer
 from relm_irl_jax.agents.training import apply_gradient
 from relm_irl_jax.rewards.imagined import ImaginedTargets
@@ -193,7 +192,7 @@ def returns_of(steps: Steps, value: Float32[Array, "pairs"], loss: LossWeights) 
 def loss_of_pairs(
     outputs: Outputs, steps: Steps, returns: Float32[Array, "time workers"], weights: LossWeights
 ) -> Float32[Array, ""]:
-    """The loss of `relm_irl_jax.agents.siamese.loss`, summed up for each pair before anything is differentiated.
+    """The loss of `relm_irl_jax.agents.actor_critic`, summed up for each pair before anything is differentiated.
 
     Args:
         outputs: policy and value of every pair.

@@ -14,6 +14,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PRNGKeyArray
 
+from relm_irl_jax.agents.heads import worker_target_ranges
 from relm_irl_jax.agents.rollout import EpisodeSums
 from relm_irl_jax.agents.settings import SiameseSettings
 from relm_irl_jax.agents.siamese.training import (
@@ -23,7 +24,6 @@ from relm_irl_jax.agents.siamese.training import (
     scene_heads,
     update_form,
     update_inputs,
-    worker_target_ranges,
 )
 from relm_irl_jax.agents.siamese.update import TrainState, UpdateForm, UpdateInputs
 from relm_irl_jax.agents.training import LearningCurve, curve_from_rows, learning_row, run_chunks, split_into_chunks
@@ -104,7 +104,7 @@ def train_seeds(
     scene_head = scene_heads(shared.world, settings)
     form = update_form(settings, int(scene_head.max()) + 1)
     n_heads = form.network.n_heads
-    ranges = [worker_target_ranges(each.targets, scene_head, n_heads, settings.workers) for each in problems]
+    ranges = [worker_target_ranges(each.targets, scene_head, n_heads, settings.workers, "siamese") for each in problems]
     frames_per_update = ranges[0].first.size * settings.t_max
     pairs = [pairs_if_cheaper(each, scene_head, form.network, frames_per_update) for each in problems]
     pairs = [None] * len(pairs) if None in pairs else pairs

@@ -20,6 +20,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float32, Int32
 
+from relm_irl_jax.agents.actor_critic import Outputs
 from relm_irl_jax.scenes.scene import ACTIONS
 from relm_irl_jax.types import Parameters
 
@@ -48,20 +49,6 @@ class Tables:
     features: Float32[Array, "states feature"] | None
     target: Float32[Array, "targets width"]
     predicted_reward: Float32[Array, "targets states"] | None = None
-
-
-@jax.tree_util.register_dataclass
-@dataclass(frozen=True)
-class Outputs:
-    """Outputs of the network.
-
-    Attributes:
-        logits: action logits.
-        value: values, in units of the return scale.
-    """
-
-    logits: Float32[Array, "*batch 4"]
-    value: Float32[Array, "*batch"]
 
 
 class SiameseActorCritic(nn.Module):

@@ -5,9 +5,10 @@ from dataclasses import dataclass, field
 import jax
 from jaxtyping import Array, Int32, PRNGKeyArray
 
+from relm_irl_jax.agents.actor_critic import Outputs
 from relm_irl_jax.agents.rollout import choose_action
 from relm_irl_jax.agents.siamese.forward import evaluate
-from relm_irl_jax.agents.siamese.network import Outputs, SiameseActorCritic, Tables
+from relm_irl_jax.agents.siamese.network import SiameseActorCritic, Tables
 from relm_irl_jax.agents.siamese.state_target_pairs import StateTargetPairs
 from relm_irl_jax.agents.siamese.update import initial_memory, observe_views
 from relm_irl_jax.types import NO_MEMORY, Memory, Observation, Parameters

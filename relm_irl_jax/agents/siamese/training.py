@@ -8,9 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Int, PRNGKeyArray
 
+from relm_irl_jax.agents import heads
+from relm_irl_jax.agents.actor_critic import LossWeights
 from relm_irl_jax.agents.rollout import EpisodeSums, NavigationTask, init_workers
 from relm_irl_jax.agents.settings import SiameseSettings
-from relm_irl_jax.agents.siamese.loss import LossWeights
 from relm_irl_jax.agents.siamese.network import SiameseActorCritic, as_distance
 from relm_irl_jax.agents.siamese.state_target_pairs import StateTargetPairs, state_target_pairs
 from relm_irl_jax.agents.siamese.update import (
@@ -25,11 +26,11 @@ from relm_irl_jax.agents.siamese.update import (
 from relm_irl_jax.env import TargetRange
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.types import Parameters, TrainingProblem
-from relm_irl_jax.world import Targets, World
+from relm_irl_jax.world import World
 
 
 def scene_heads(world: World, settings: SiameseSettings) -> Int[np.ndarray, "scenes"]:
-    """Head of the network for each scene.
+    """Head of the network for each scene; see `relm_irl_jax.agents.heads.scene_heads`.
 
     Args:
         world: the scenes.
@@ -37,21 +38,8 @@ def scene_heads(world: World, settings: SiameseSettings) -> Int[np.ndarray, "sce
 
     Returns:
         Numbers of heads.
-
-    Raises:
-        InputError: a scene, or its room type, was never trained.
     """
-    if settings.heads == "shared":
-        return np.zeros(world.n_scenes, int)
-    head = np.asarray(world.training_scene if settings.heads == "scene" else world.room_type)
-    if head.min() < 0:
-        name = world.names[int(np.argmin(head))]
-        subject = "it" if settings.heads == "scene" else "its room type"
-        raise InputError(
-            f"{name}: siamese.heads = {settings.heads} has no head for this scene, since {subject} was not trained; "
-            "use siamese.heads = shared."
-        )
-    return head
+    return heads.scene_heads(world, settings.heads, "siamese")
 
 
 def update_form(settings: SiameseSettings, n_heads: int) -> UpdateForm:
@@ -70,50 +58,19 @@ def update_form(settings: SiameseSettings, n_heads: int) -> UpdateForm:
     return UpdateForm(network, settings.t_max, settings.optimizer, settings.gradient)
 
 
-def optimizer_numbers(settings: SiameseSettings) -> OptimizerNumbers:
+def optimizer_numbers(settings: SiameseSettings, frames: int) -> OptimizerNumbers:
     """The optimiser's numbers. If gradients are summed, the bound on their norm is multiplied by the number of workers.
 
     Args:
         settings: the agent's settings.
+        frames: frames of the training.
 
     Returns:
         The numbers.
     """
-    decay = np.inf
-    if settings.decay_frames is not None:
-        decay = -(-settings.decay_frames // (settings.workers * settings.t_max))
+    decay = -(-frames // (settings.workers * settings.t_max)) if settings.decay == "linear" else np.inf
     clip = settings.gradient_clip * (settings.workers if settings.gradient == "sum" else 1)
     return OptimizerNumbers(jnp.float32(settings.learning_rate), jnp.float32(decay), jnp.float32(clip))
-
-
-def worker_target_ranges(
-    targets: Targets, scene_head: Int[np.ndarray, "scenes"], n_heads: int, workers: int
-) -> TargetRange:
-    """Divide the workers evenly among the heads; each worker draws from all targets of its head.
-
-    Args:
-        targets: the training targets, in an order in which those of one head are consecutive.
-        scene_head: head of each scene.
-        n_heads: number of heads.
-        workers: number of workers.
-
-    Returns:
-        One range for each worker; fields are [heads, workers / heads].
-
-    Raises:
-        InputError: there are fewer workers than heads, or a head has no target.
-    """
-    head = scene_head[np.asarray(targets.scene)]
-    first = np.asarray([np.searchsorted(head, number) for number in range(n_heads)])
-    count = np.bincount(head, minlength=n_heads)
-    if count.min() == 0:
-        raise InputError("tasks.training_targets: some head of the network has no training target; give more targets.")
-    if workers < n_heads:
-        raise InputError(
-            f"siamese.workers: {workers} workers are too few for {n_heads} heads; give at least {n_heads}."
-        )
-    shape = (n_heads, workers // n_heads)
-    return TargetRange(*(jnp.asarray(np.broadcast_to(values[:, None], shape), jnp.int32) for values in (first, count)))
 
 
 def pairs_if_cheaper(
@@ -156,7 +113,9 @@ def update_inputs(
     if problem.cap < settings.t_max:
         raise InputError(f"siamese.t_max: {settings.t_max} exceeds the cap of {problem.cap} steps; lower it.")
     task = NavigationTask(problem.world, problem.targets, target_range, problem.reward, jnp.int32(problem.cap))
-    return UpdateInputs(task, loss_weights(settings, problem.return_scale), optimizer_numbers(settings), pairs)
+    return UpdateInputs(
+        task, loss_weights(settings, problem.return_scale), optimizer_numbers(settings, problem.frames), pairs
+    )
 
 
 def loss_weights(settings: SiameseSettings, return_scale: float) -> LossWeights:
@@ -188,11 +147,11 @@ def init_parameters(key: PRNGKeyArray, network: SiameseActorCritic, world: World
     Returns:
         The parameters.
     """
-    heads = jnp.arange(network.n_heads)
+    numbers = jnp.arange(network.n_heads)
     one = jnp.zeros((network.n_heads, 1), jnp.int32)
     views = jnp.zeros((network.n_heads, 1, network.history), jnp.int32)
     predicted = jnp.zeros((1, 1), jnp.float32) if network.observe_reward else None
-    drawn = jax.jit(network.init)(key, world.features[:1], jnp.zeros(1, jnp.int32), views, one, heads, predicted)
+    drawn = jax.jit(network.init)(key, world.features[:1], jnp.zeros(1, jnp.int32), views, one, numbers, predicted)
     return as_distance(cast(Parameters, drawn)) if network.distance else cast(Parameters, drawn)
 
 
@@ -215,7 +174,9 @@ def prepare_training(
     """
     scene_head = scene_heads(problem.world, settings)
     form = update_form(settings, int(scene_head.max()) + 1)
-    target_range = worker_target_ranges(problem.targets, scene_head, form.network.n_heads, settings.workers)
+    target_range = heads.worker_target_ranges(
+        problem.targets, scene_head, form.network.n_heads, settings.workers, "siamese"
+    )
     frames_of_device = target_range.first.size * settings.t_max // n_devices
     pairs = pairs_if_cheaper(problem, scene_head, form.network, frames_of_device)
     inputs = update_inputs(problem, settings, target_range, pairs)

@@ -16,10 +16,11 @@ import optax
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float32, Int32, PRNGKeyArray
 
+from relm_irl_jax.agents.actor_critic import LossWeights, actor_critic_loss
 from relm_irl_jax.agents.rollout import EpisodeSums, NavigationTask, Workers, rollout, sample_action
 from relm_irl_jax.agents.siamese.forward import Evaluation, passes_by_frames, passes_by_pairs
-from relm_irl_jax.agents.siamese.loss import LossWeights, actor_critic_loss, next_values
 from relm_irl_jax.agents.siamese.network import SiameseActorCritic
+from relm_irl_jax.agents.siamese.next_values import next_values
 from relm_irl_jax.agents.siamese.state_target_pairs import StateTargetPairs
 from relm_irl_jax.agents.training import apply_gradient
 from relm_irl_jax.types import NO_MEMORY, Memory, Observation, Parameters

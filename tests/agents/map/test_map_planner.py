@@ -1,10 +1,13 @@
+import heapq
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from relm_irl_jax.agents.map.geometry import RADIUS, SIDE
-from relm_irl_jax.agents.map.planner import NEVER, least_costs, place_costs, plan
+from relm_irl_jax.agents.map.geometry import FORWARD, RADIUS, SIDE
+from relm_irl_jax.agents.map.planner import place_costs, plan
+from relm_irl_jax.agents.map.sweeps import NEVER, from_lines, least_costs, to_lines
 from relm_irl_jax.agents.map.walks import relative_pose
 from relm_irl_jax.scenes.scene import pose_graph, shortest_path_distances, successors
 
@@ -34,8 +37,59 @@ def current(frame):
 def test_least_costs_are_breadth_first_distances(room):
     _, distance, frame, cost = room
     for state in (0, 17, 42):
-        found = np.asarray(least_costs(cost, current(frame[state])))[..., 0]
+        found = np.asarray(from_lines(least_costs(cost, current(frame[state]))))[..., 0]
         np.testing.assert_array_equal(found[tuple(frame.T)], distance[state])
+
+
+def moves(heading, z, x):
+    """Poses that one action leads to, and whether it is a step into another place."""
+    yield ((heading + 1) % 4, z, x), False
+    yield ((heading - 1) % 4, z, x), False
+    for sign in (1, -1):
+        to = (heading, z + sign * int(FORWARD[heading][1]), x + sign * int(FORWARD[heading][0]))
+        if min(to) >= 0 and max(to[1:]) < SIDE:
+            yield to, True
+
+
+def test_costs_and_values_are_those_of_one_pose_after_the_other():
+    """Dijkstra's algorithm, and sums of gains in the order of the costs, on a maze of many turns."""
+    generator = np.random.default_rng(3)
+    cost = np.where(generator.random((SIDE, SIDE)) < 0.3, NEVER, 1 + generator.integers(0, 9, (SIDE, SIDE)) / 4)
+    posterior = generator.random((4, SIDE, SIDE)) ** 8
+    start = (2, RADIUS + 3, RADIUS - 5)
+    least, order, queue = {start: 0.0}, [], [(0.0, start)]
+    while queue:
+        paid, pose = heapq.heappop(queue)
+        if paid > least[pose]:
+            continue
+        order.append(pose)
+        for to, step in moves(*pose):
+            further = paid + (cost[to[1:]] if step else 1)
+            if further < min(least.get(to, NEVER), NEVER):
+                least[to] = further
+                heapq.heappush(queue, (further, to))
+    value = {}
+    for pose in order:
+        behind = [
+            value[to]
+            for to, step in moves(*pose)
+            if to in value and least[to] + (cost[pose[1:]] if step else 1) == least[pose]
+        ]
+        value[pose] = 0.9 ** least[pose] * posterior[pose] + max(behind, default=0.0)
+    at = jnp.asarray(np.array(start)[:, None] - [[0], [RADIUS], [RADIUS]], jnp.int32)
+    found = jitted(
+        jnp.asarray(posterior[..., None], jnp.float32), jnp.asarray(cost[..., None], jnp.float32), at, DISCOUNT
+    )
+    index = tuple(np.array(order).T)
+    np.testing.assert_allclose(np.asarray(found.distance)[(*index, 0)], [least[pose] for pose in order])
+    np.testing.assert_allclose(np.asarray(found.value)[(*index, 0)], [value[pose] for pose in order], rtol=1e-3)
+    assert (np.asarray(found.distance) < NEVER).sum() == len(order)
+    assert len(order) > 1000
+
+
+def test_lines_hold_every_pose_once():
+    values = jnp.arange(4 * SIDE**2 * 2, dtype=jnp.float32).reshape(4, SIDE, SIDE, 2)
+    np.testing.assert_array_equal(from_lines(to_lines(values)), values)
 
 
 def test_a_certain_target_is_reached_along_a_shortest_path(room):

@@ -46,7 +46,17 @@ def solved():
     world = build_world(scenes)
     reward = ManualReward(jnp.float32(1.0), jnp.float32(-0.5), jnp.float32(-0.1))
     settings = SiameseSettings(
-        width=64, workers=192, t_max=8, discount=0.8, entropy_weight=0.05, value_weight=1.0, learning_rate=3e-3
+        width=64,
+        workers=192,
+        t_max=8,
+        discount=0.8,
+        entropy_weight=0.05,
+        value_weight=1.0,
+        learning_rate=3e-3,
+        decay="none",
+        initialisation="he",
+        heads="room_type",
+        imagine="none",
     )
     tables = build_targets(scenes, targets)
     agent = SiameseAgent(settings)

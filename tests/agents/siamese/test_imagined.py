@@ -10,6 +10,7 @@ from builders import grid_scene
 from interruption import assert_same, interrupt, resume
 from tiny import SMALL, problem, two_rooms
 
+from relm_irl_jax.agents.actor_critic import LossWeights, Outputs
 from relm_irl_jax.agents.siamese.agent import SiameseAgent
 from relm_irl_jax.agents.siamese.forward import evaluate, tabulate
 from relm_irl_jax.agents.siamese.imagined_targets import draw_targets, evaluate_drawn
@@ -24,8 +25,6 @@ from relm_irl_jax.agents.siamese.imagined_update import (
     run_imagined_updates,
     walk,
 )
-from relm_irl_jax.agents.siamese.loss import LossWeights
-from relm_irl_jax.agents.siamese.network import Outputs
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.rewards.imagined import constant_rewards
 from relm_irl_jax.tasks import Target, TaskSplit
@@ -41,7 +40,7 @@ def imagining(**changes):
     """The two small rooms with a constant cost of 1 for a step."""
     one = problem(cap=20)
     scenes = [grid_scene(2, 2, name="bathroom-0"), grid_scene(3, 2, name="bedroom-0")]
-    targets = constant_rewards(scenes, SPLIT, STATES, -1.0, 0.0, np.inf)
+    targets = constant_rewards(scenes, SPLIT, STATES, step=-1.0, target=0.0, collision=np.inf, told=True)
     return dataclasses.replace(one, imagined=dataclasses.replace(targets, **changes))
 
 

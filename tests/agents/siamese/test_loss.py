@@ -4,10 +4,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from relm_irl_jax.agents.actor_critic import LossWeights, Outputs, actor_critic_loss, n_step_returns
 from relm_irl_jax.agents.rollout import Experience
 from relm_irl_jax.agents.siamese.forward import Evaluation
-from relm_irl_jax.agents.siamese.loss import LossWeights, actor_critic_loss, n_step_returns, next_values
-from relm_irl_jax.agents.siamese.network import Outputs
+from relm_irl_jax.agents.siamese.next_values import next_values
 
 
 def returns(reward, terminated, truncated, next_value):

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from tiny import problem
 
+from relm_irl_jax.agents.actor_critic import Outputs
 from relm_irl_jax.agents.siamese.forward import passes_by_frames, passes_by_pairs
-from relm_irl_jax.agents.siamese.network import Outputs, SiameseActorCritic
+from relm_irl_jax.agents.siamese.network import SiameseActorCritic
 from relm_irl_jax.agents.siamese.state_target_pairs import state_target_pairs
 from relm_irl_jax.agents.siamese.training import init_parameters
 

@@ -46,7 +46,7 @@ def test_changing_a_number_compiles_nothing_again(prepared):
         discount=0.1,
         entropy_weight=0.5,
         value_weight=2.0,
-        decay_frames=7,
+        decay="none",
         gradient_clip=1.0,
     )
     again, own, same_form = prepare_training(jax.random.key(1), problem(cap=17), changed)
@@ -92,12 +92,14 @@ def test_settings_that_cannot_work_are_refused(changes, cap, message):
 
 
 def optimizer_of(settings):
-    return make_optimizer(update_form(settings, 2), optimizer_numbers(settings))
+    return make_optimizer(update_form(settings, 2), optimizer_numbers(settings, 60))
 
 
 def test_the_original_optimizer_by_hand():
     """ε lies inside the root, the mean square begins at 1, and the bound counts once for each summed worker."""
-    settings = SiameseSettings(optimizer="rmsprop", gradient="sum", workers=3, gradient_clip=2.0, learning_rate=0.5)
+    settings = SiameseSettings(
+        optimizer="rmsprop", gradient="sum", workers=3, gradient_clip=2.0, learning_rate=0.5, decay="none"
+    )
     optimizer = optimizer_of(settings)
     parameters = {"w": jnp.zeros(2)}
     state = optimizer.init(parameters)
@@ -110,9 +112,7 @@ def test_the_original_optimizer_by_hand():
 
 def test_the_step_size_falls_linearly():
     """Four updates of 3 workers and 5 steps."""
-    settings = SiameseSettings(
-        optimizer="rmsprop", gradient="sum", workers=3, t_max=5, learning_rate=0.5, decay_frames=60
-    )
+    settings = SiameseSettings(optimizer="rmsprop", gradient="sum", workers=3, t_max=5, learning_rate=0.5)
     optimizer = optimizer_of(settings)
     parameters = {"w": jnp.zeros(1)}
     state = optimizer.init(parameters)

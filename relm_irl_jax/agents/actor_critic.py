@@ -1,14 +1,27 @@
-"""The n-step advantage actor-critic loss (paper, Equations 18-22 and Algorithm 1)."""
+"""The n-step advantage actor-critic loss (paper, Equations 18-22 and Algorithm 1), which several agents share."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float32, Int32
+from jaxtyping import Array, Bool, Float32
 
 from relm_irl_jax.agents.rollout import Experience
-from relm_irl_jax.agents.siamese.network import Outputs
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Outputs:
+    """Outputs of the network.
+
+    Attributes:
+        logits: action logits.
+        value: values, in units of the return scale.
+    """
+
+    logits: Float32[Array, "*batch 4"]
+    value: Float32[Array, "*batch"]
 
 
 @jax.tree_util.register_dataclass
@@ -63,35 +76,6 @@ def n_step_returns(
 
     _, returns = jax.lax.scan(accumulate, next_value[-1], (reward, terminated, truncated, next_value), reverse=True)
     return returns
-
-
-def next_values(
-    value: Callable[
-        [Int32[Array, "groups batch history"], Int32[Array, "groups batch"]], Float32[Array, "groups batch"]
-    ],
-    experience: Experience,
-) -> Float32[Array, "time groups batch"]:
-    """Value of the state after each step, before any reset.
-
-    Within an episode it is the value at the next step. It is computed here for the rollout's last step and for
-    truncated steps. Since the cap is at least t_max, each worker is truncated at most once in a rollout.
-
-    Args:
-        value: maps last states and targets to values.
-        experience: the steps; their `output` is an `Evaluation`.
-
-    Returns:
-        The values; arbitrary for steps that reached the target.
-    """
-    views, values = experience.output.views, experience.output.outputs.value
-    next_views = jnp.concatenate([experience.next_state[..., None], views[..., :-1]], -1)
-    step = jnp.argmax(experience.truncated, axis=0)[None]
-    after_truncation = value(
-        jnp.take_along_axis(next_views, step[..., None], 0)[0], jnp.take_along_axis(experience.target, step, 0)[0]
-    )
-    after_last = value(next_views[-1], experience.target[-1])
-    after_others = jnp.where(experience.truncated[:-1], after_truncation, values[1:])
-    return jnp.concatenate([after_others, after_last[None]])
 
 
 def actor_critic_loss(

@@ -1,0 +1,214 @@
+"""The mapping agent in rooms it has never seen, beside what bounds it from above and below: a piece of `make paper`.
+
+All seeds of a row run at once: the agent is deterministic, so that an episode which several seeds draw is run once.
+Every row is a file, and finished rows are not measured again.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Bool, Int
+
+from relm_irl_jax.agents.map.policy import MapPolicy
+from relm_irl_jax.agents.map.variants import MemorylessPolicy, explorer
+from relm_irl_jax.config import Config, Task
+from relm_irl_jax.env import Episode, shortest_path
+from relm_irl_jax.episode_runner import run_episodes
+from relm_irl_jax.evaluation import Episodes, draw_episodes, evaluation_key
+from relm_irl_jax.files import write_table
+from relm_irl_jax.progress import console, progress_bar
+from relm_irl_jax.scenes.scene import Scene
+from relm_irl_jax.stages.encoding import encode_training
+from relm_irl_jax.stages.evaluation import result_rows
+from relm_irl_jax.stages.make_agent import make_agent
+from relm_irl_jax.stages.worlds import EvaluationTask, evaluation_task, standardised_world
+from relm_irl_jax.studies.search_page import FAILURE_COLUMNS, METRIC_COLUMNS, SearchRow
+from relm_irl_jax.tasks import Target
+from relm_irl_jax.types import Policy
+from relm_irl_jax.world import build_targets, scene_offsets
+
+FURTHER_SETS = (20, 50, 70)
+"""First rooms of the further sets of nine unseen rooms, which no choice of a setting has looked at."""
+
+FEWER = 20
+"""Rows that only bound the agent have a twentieth of the episodes: their episodes last until the cap."""
+
+
+def rows(episodes: int) -> list[SearchRow]:
+    """The rows of the study.
+
+    Args:
+        episodes: episodes of a scene and seed.
+
+    Returns:
+        The rows, those that matter most first.
+    """
+    few = -(-episodes // FEWER)
+    return [
+        SearchRow("map", "III", 0, "empty", episodes),
+        *(SearchRow("map", "III", first, "empty", episodes) for first in FURTHER_SETS),
+        SearchRow("map", "II", 0, "filled", episodes),
+        SearchRow("oracle", "III", 0, "empty", episodes),
+        SearchRow("explorer", "III", 0, "empty", few),
+        SearchRow("memoryless", "III", 0, "empty", few),
+        SearchRow("map", "II", 0, "empty", episodes),
+        SearchRow("map", "I", 0, "filled", episodes),
+        SearchRow("map", "I", 0, "empty", episodes),
+    ]
+
+
+def main(config: Config, out: Path) -> None:
+    """Measure the rows that are missing.
+
+    Args:
+        config: scenes, agent, seeds and episodes.
+        out: folder of the rows.
+    """
+    for row in rows(config.evaluation.episodes):
+        if not row.path(out).exists():
+            console.print(f"{row.path(out)}", highlight=False)
+            measure(config, row, out)
+
+
+def measure(config: Config, row: SearchRow, out: Path) -> None:
+    """Measure one row and write its metrics and failures.
+
+    Args:
+        config: scenes, agent and seeds.
+        row: the row.
+        out: folder of the rows.
+    """
+    config = replace(
+        config, scene=replace(config.scene, first_room=row.first_room), map=replace(config.map, memory=row.memory)
+    )
+    pool = pooled_tasks(config, row.task, row.episodes)
+    if row.agent == "oracle":
+        length = np.asarray(shortest_path(pool.drawn, pool.task.world, pool.task.targets))
+        outcome = np.minimum(length, config.tasks.cap), length <= config.tasks.cap
+    else:
+        agent = make_agent(config, "rl")
+        policy = agent.policy(agent.trained(), pool.task.world, pool.task.targets)
+        with progress_bar(row.path(out).stem, pool.drawn.target.size, "episodes") as advance:
+            outcome = run_episodes(
+                jax.random.key(0),
+                pool.drawn,
+                VARIANTS[row.agent](policy),
+                pool.task.world,
+                pool.task.targets,
+                cap=config.tasks.cap,
+                advance=advance,
+            )
+    save(pool, outcome, row, out)
+
+
+VARIANTS: dict[str, Callable[[MapPolicy], Policy]] = {
+    "map": lambda policy: policy,
+    "explorer": explorer,
+    "memoryless": MemorylessPolicy,
+}
+
+
+@dataclass(frozen=True)
+class Pool:
+    """The episodes of all seeds on a task.
+
+    Attributes:
+        task: the scenes and targets of all seeds.
+        drawn: the episodes of all seeds, one seed after the other; fields are [scenes, seeds · episodes].
+        present: whether a seed has targets in a scene; where it has none, its episodes are copies of others.
+    """
+
+    task: EvaluationTask
+    drawn: Episode
+    present: Bool[np.ndarray, "scenes seeds"]
+
+
+def pooled_tasks(config: Config, name: Task, episodes: int) -> Pool:
+    """Draw the episodes of every seed, as an evaluation of that seed does, and put them into one world.
+
+    Args:
+        config: scenes and seeds.
+        name: the task.
+        episodes: episodes of a scene and seed.
+
+    Returns:
+        The pool.
+    """
+    training = encode_training(config)
+    tasks = [evaluation_task(config, training, name, seed) for seed in range(config.seeds)]
+    scenes: dict[str, Scene] = {scene.name: scene for task in tasks for scene in task.scenes}
+    number = {scene: n for n, scene in enumerate(scenes)}
+    chosen = sorted({(number[task.scenes[t.scene].name], t.state, t.category) for task in tasks for t in task.chosen})
+    row_of = {(scene, state): row for row, (scene, state, _) in enumerate(chosen)}
+    everything = EvaluationTask(
+        name=name,
+        seed=0,
+        scenes=list(scenes.values()),
+        world=standardised_world(list(scenes.values()), training.scenes),
+        targets=build_targets(list(scenes.values()), targets := [Target(*row) for row in chosen]),
+        chosen=targets,
+    )
+    offsets = scene_offsets(everything.scenes)
+    start, target = (np.full((len(scenes), config.seeds, episodes), -1, np.int32) for _ in range(2))
+    for seed, task in enumerate(tasks):
+        drawn, _ = draw_episodes(evaluation_key(seed), task.targets, len(task.scenes), episodes)
+        local = np.asarray(task.world.local)
+        for n, scene in enumerate(task.scenes):
+            into = number[scene.name]
+            start[into, seed] = local[np.asarray(drawn.start)[n]] + offsets[into]
+            target[into, seed] = [row_of[into, task.chosen[row].state] for row in np.asarray(drawn.target)[n].tolist()]
+    present = (target >= 0).all(-1)
+    for scene, seed in zip(*np.nonzero(~present), strict=True):
+        other = int(np.flatnonzero(present[scene])[0])
+        start[scene, seed], target[scene, seed] = start[scene, other], target[scene, other]
+    first, goal = (jnp.asarray(x.reshape(len(scenes), -1)) for x in (start, target))
+    return Pool(everything, Episode(state=first, target=goal, start=first, steps=jnp.zeros_like(first)), present)
+
+
+def save(
+    pool: Pool, outcome: tuple[Int[np.ndarray, "scenes all"], Bool[np.ndarray, "scenes all"]], row: SearchRow, out: Path
+) -> None:
+    """Write the metrics of each scene and seed, and the failed episodes.
+
+    Args:
+        pool: the episodes.
+        outcome: their lengths and successes.
+        row: the row.
+        out: folder of the rows.
+    """
+    task = pool.task
+    shortest = np.asarray(shortest_path(pool.drawn, task.world, task.targets))
+    fields = (*(np.asarray(x) for x in (pool.drawn.target, pool.drawn.start)), outcome[0], shortest, outcome[1])
+    metrics, failures = [], []
+    for seed in range(pool.present.shape[1]):
+        part = slice(seed * row.episodes, (seed + 1) * row.episodes)
+        episodes = Episodes(*(field[:, part].astype(bool if n == 4 else np.int32) for n, field in enumerate(fields)))
+        for n, measured in enumerate(result_rows("rl", row.agent, replace(task, seed=seed), episodes)):
+            if pool.present[n, seed]:
+                metrics.append([getattr(measured, name) for name in METRIC_COLUMNS])
+                failures += _failures(task, episodes, n, seed)
+    write_table(row.failures(out), _columns(FAILURE_COLUMNS, failures))
+    write_table(row.path(out), _columns(METRIC_COLUMNS, metrics))
+
+
+def _failures(task: EvaluationTask, episodes: Episodes, scene: int, seed: int) -> list[list]:
+    offset = scene_offsets(task.scenes)[scene]
+    return [
+        [
+            seed,
+            task.scenes[scene].name,
+            task.chosen[episodes.target[scene, n]].category,
+            task.chosen[episodes.target[scene, n]].state,
+            int(episodes.start[scene, n]) - offset,
+            int(episodes.shortest[scene, n]),
+        ]
+        for n in np.flatnonzero(~episodes.success[scene]).tolist()
+    ]
+
+
+def _columns(names: Sequence[str], table: Sequence[Sequence]) -> dict[str, list]:
+    return {name: [row[n] for row in table] for n, name in enumerate(names)}

@@ -1,0 +1,156 @@
+"""The report's part on the mapping agent in unseen rooms: tables of its rows and of the episodes that fail."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from relm_irl_jax.files import read_table
+from relm_irl_jax.report.intervals import MeanInterval, mean_interval
+from relm_irl_jax.report.names import heading
+from relm_irl_jax.report.tables import MEAN
+from relm_irl_jax.results import Task
+from relm_irl_jax.scenes.scene import ROOM_TYPES
+
+METRIC_COLUMNS = ("seed", "scene", "room_type", "episodes", "sr", "ple", "spl")
+"""Columns of a row's file: one line for each scene and seed."""
+
+FAILURE_COLUMNS = ("seed", "scene", "category", "target", "start", "shortest")
+"""Columns of the file of a row's failed episodes."""
+
+NAMES = {
+    "map": "Mapping agent",
+    "oracle": "Oracle: shortest paths",
+    "explorer": "Systematic exploration, no network",
+    "memoryless": "Memoryless: a map of the current view alone",
+}
+"""What is measured, by name."""
+
+ORDER = ("oracle", "map", "memoryless", "explorer")
+
+
+@dataclass(frozen=True)
+class SearchRow:
+    """One row of the study.
+
+    Attributes:
+        agent: a name in `NAMES`.
+        task: the task.
+        first_room: number of the first room of each type.
+        memory: memory at the start, `empty` or `filled`.
+        episodes: episodes of each scene and seed.
+    """
+
+    agent: str
+    task: Task
+    first_room: int
+    memory: Literal["empty", "filled"]
+    episodes: int
+
+    def path(self, out: Path) -> Path:
+        """File of the row's metrics in the study's folder."""
+        return out / f"{self.agent}-{self.task}-{self.first_room}-{self.memory}.csv"
+
+    def failures(self, out: Path) -> Path:
+        """File of the row's failed episodes."""
+        return out / "failures" / self.path(out).name
+
+
+def search_section(out: Path) -> list[str]:
+    """The tables of the rows that are there.
+
+    Args:
+        out: folder of the rows.
+
+    Returns:
+        Lines of Markdown; none without rows.
+    """
+    found = [_row_of(path) for path in sorted(out.glob("*-*-*-*.csv"))]
+    if not found:
+        return []
+    found.sort(key=lambda row: (row.task != "III", row.task, row.first_room, ORDER.index(row.agent), row.memory))
+    return [
+        "## The mapping agent in rooms never seen",
+        "",
+        "Success rate / SPL, means over seeds ± half of the 95% interval (Student's t). Its weights were trained on "
+        "600 generated rooms that no task uses. It is told no pose, no map and no distance, and uses no learned "
+        "reward.",
+        "",
+        *search_table(found, out),
+        "",
+        *failure_table([row for row in found if row.agent == "map"], out),
+        "",
+    ]
+
+
+def search_table(rows: Sequence[SearchRow], out: Path) -> list[str]:
+    """A table of success rate and SPL by room type.
+
+    Args:
+        rows: the rows.
+        out: folder of the rows.
+
+    Returns:
+        Lines of Markdown.
+    """
+    columns = (*ROOM_TYPES, MEAN)
+    lines = ["| Task | Rooms | | Episodes | " + " | ".join(heading(column) for column in columns) + " |"]
+    lines.append("|---|---|---|---:|" + "---|" * len(columns))
+    for row in rows:
+        table = read_table(row.path(out))
+        values = [f"{row_interval(table, 'sr', c)} / {row_interval(table, 'spl', c)}" for c in columns]
+        scenes = sorted({int(scene.rsplit("-", 1)[1]) for scene in table["scene"]})
+        name = NAMES[row.agent] + (", memory filled" if row.memory == "filled" else "")
+        runs = sum(map(int, table["episodes"]))
+        lines.append(f"| {row.task} | {scenes[0]}–{scenes[-1]} | {name} | {runs:,} | " + " | ".join(values) + " |")
+    return lines
+
+
+def row_interval(table: dict[str, list[str]], metric: str, column: str) -> MeanInterval:
+    """Mean and interval over seeds of one metric.
+
+    Args:
+        table: a row's file.
+        metric: `sr` or `spl`.
+        column: a room type, or `MEAN` over room types.
+
+    Returns:
+        The mean of scenes, then of room types, then of seeds.
+    """
+    types = [room_type for room_type in ROOM_TYPES if column in (room_type, MEAN) and room_type in table["room_type"]]
+    seeds = sorted(set(table["seed"]))
+    keyed = list(zip(table["seed"], table["room_type"], map(float, table[metric]), strict=True))
+    by_type = [[[v for s, t, v in keyed if (s, t) == (seed, of)] for of in types] for seed in seeds]
+    return mean_interval([float(np.mean([np.mean(values) for values in seed if values])) for seed in by_type])
+
+
+def failure_table(rows: Sequence[SearchRow], out: Path) -> list[str]:
+    """A table of the failed episodes by room and by what the target shows.
+
+    Args:
+        rows: the rows.
+        out: folder of the rows.
+
+    Returns:
+        Lines of Markdown.
+    """
+    lines = ["| Task | Memory | Rooms | Failed | Where | What the target shows |", "|---|---|---|---:|---|---|"]
+    for row in rows:
+        table, metrics = read_table(row.failures(out)), read_table(row.path(out))
+        total = sum(map(int, metrics["episodes"]))
+        count = lambda name, table=table: ", ".join(  # noqa: E731
+            f"{what or 'no object'} {n}" for what, n in Counter(table[name]).most_common(5)
+        )
+        failed = f"{len(table['scene'])} of {total:,}"
+        where = f"from {row.first_room}"
+        lines.append(f"| {row.task} | {row.memory} | {where} | {failed} | {count('scene')} | {count('category')} |")
+    return lines
+
+
+def _row_of(path: Path) -> SearchRow:
+    agent, task, first, memory = path.stem.rsplit("-", 3)
+    episodes = int(read_table(path)["episodes"][0])
+    return SearchRow(agent, task, int(first), memory, episodes)  # pyrefly: ignore
