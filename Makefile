@@ -15,7 +15,7 @@ KEPT   := JAX_COMPILATION_CACHE_DIR='$(CURDIR)/.cache/jax' JAX_PERSISTENT_CACHE_
 # A variable that is not given leaves the value of the configuration.
 TASK    ?=  ## I, II or III: the task that is evaluated; II by default.
 METHOD  ?=  ## all, or some of random, bc, rl, irl, elm-irl, relm-irl, as in METHOD="rl irl".
-AGENT   ?=  ## siamese, metric, map or recurrent; by default all: siamese, and metric and map beside it.
+AGENT   ?=  ## siamese, metric, map, recurrent or savn; by default all: siamese, and metric and map beside it.
 SCENES  ?=  ## rooms for the built-in ones, or a folder of scene files.
 SEEDS   ?=  ## Number of seeds.
 FRAMES  ?=  ## Training frames for each method and seed: 5000000, 5e6, 5M or 600k.

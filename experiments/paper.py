@@ -2,15 +2,15 @@
 
     make paper                                all pieces, then runs/paper/report.html
     make paper PIECE=metric                   one of siamese, siamese-told, metric, metric-open, metric-no-hindsight,
-                                              vizdoom, elm, stability, ablation, irl-methods, report
+                                              vizdoom, elm, stability, ablation, irl-methods, map, report
     make paper PIECE=ablation VARIANT=lp      one variant, and the base that it is compared with
     make paper QUICK=1                        the same code on tiny rooms, in runs/paper-quick
     make paper JOBS=4                         four runs at a time, each in a process of its own
 
 Tables 1 to 3 and Figures 6 and 11 are of the pieces `siamese` (the paper's agent) and `metric`, Figures 7 to 10 of
-`elm`. The piece `vizdoom` runs where it is named, since its scenes have to be recorded first. The presets lie in
-experiments/paper. Runs go where joblib's context sends them: a script that calls `main` within `joblib.parallel_config`
-can spread them over a cluster.
+`elm`. The piece `map` measures the mapping agent in unseen rooms. The piece `vizdoom` runs where it is named, since its
+scenes have to be recorded first. The presets lie in experiments/paper. Runs go where joblib's context sends them: a
+script that calls `main` within `joblib.parallel_config` can spread them over a cluster.
 """
 
 import sys
@@ -21,6 +21,7 @@ from typing import Literal, get_args
 
 import elm_ablation
 import irl_stability
+import search_study
 import tyro
 from joblib import parallel_config
 from pydantic import PositiveInt
@@ -48,6 +49,7 @@ Piece = Literal[
     "stability",
     "ablation",
     "irl-methods",
+    "map",
     "report",
 ]
 PIECES: tuple[Piece, ...] = tuple(piece for piece in get_args(Piece) if piece != "vizdoom")
@@ -103,6 +105,8 @@ def main(settings: Paper) -> Path:
     if "stability" in settings.pieces and not (out / "stability" / "stability.csv").exists():
         walks = 4 if settings.quick else irl_stability.Study.trajectories
         irl_stability.main(irl_stability.Study(out / "stability", trajectories=walks, config=config))
+    if "map" in settings.pieces:
+        search_study.main(load_preset(PRESETS / "map.toml", overlays), out / "map", quick=settings.quick)
     rows = ablation_rows(ablation, changes, out / "ablation")
     method_rows = ablation_rows(methods, changes, out / "irl-methods")
     with parallel_config(n_jobs=settings.jobs) if settings.jobs > 1 else nullcontext():

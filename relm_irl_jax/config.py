@@ -17,6 +17,7 @@ from relm_irl_jax.agents.settings import (
     MapSettings,
     MetricSettings,
     RecurrentSettings,
+    SavnSettings,
     SiameseSettings,
 )
 from relm_irl_jax.bounds import PositiveInt
@@ -29,7 +30,7 @@ from relm_irl_jax.rewards.settings import ElmSettings, GoalSettings, IrlSettings
 from relm_irl_jax.scenes.selection import ROOMS, SceneSettings
 from relm_irl_jax.tasks import EvaluationSettings, TaskSettings
 
-AgentName = Literal["siamese", "metric", "map", "recurrent"]
+AgentName = Literal["siamese", "metric", "map", "recurrent", "savn"]
 BesideName = Literal["metric", "map"]
 METHODS: tuple[Method, ...] = ("random", "bc", "rl", "constant", "irl", "elm-irl", "relm-irl")
 """Every method, in the order of the tables. `constant` is the control of learned rewards: every step costs the same."""
@@ -86,8 +87,9 @@ class Config:
     """Goals of hindsight relabelling, for agents that use it."""
     agent: Literal["all"] | AgentName = "all"
     """`siamese` for the paper's actor-critic, `metric` for the agent that learns distances between views, `map` for the
-    agent that draws a map while it searches, `recurrent` for the paper's network with recurrent memory. `all` means
-    siamese, and with all methods on the built-in rooms metric and map beside it."""
+    agent that draws a map while it searches, `recurrent` for the paper's network with recurrent memory, `savn` for one
+    that also learns to change its weights during an episode. `all` means siamese, and with all methods on the built-in
+    rooms metric and map beside it."""
     beside: tuple[BesideName, ...] = ()
     """Other agents in the same tables: metric, trained with RELM-IRL's reward, and map, which learns no reward. Each
     has a run of its own in the sub-folder of its name."""
@@ -99,6 +101,8 @@ class Config:
     """The mapping agent."""
     recurrent: RecurrentSettings = RecurrentSettings()
     """The recurrent agent."""
+    savn: SavnSettings = SavnSettings()
+    """The agent that learns to adapt."""
     evaluation: EvaluationSettings = EvaluationSettings()
     """Evaluation."""
     log: LogSettings = LogSettings()

@@ -20,7 +20,7 @@ import numpy as np
 from pydantic import Field
 from pydantic.dataclasses import dataclass as settings_dataclass
 
-from relm_irl_jax.bounds import PositiveInt
+from relm_irl_jax.bounds import NonNegativeInt, PositiveInt
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.scenes.objects import best_views
 from relm_irl_jax.scenes.scene import Scene
@@ -51,6 +51,8 @@ class EvaluationSettings:
     """Task II targets: near a training target or an object's best view (`paper`), or drawn uniformly (`uniform`)."""
     policy: Literal["sample", "greedy"] = "sample"
     """Draw actions from the policy (`sample`), or take the most probable one (`greedy`)."""
+    inner_steps: NonNegativeInt | None = None
+    """Largest number of changes of the agent savn's weights in an episode; by default as many as in training."""
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 from builders import grid_scene
 
-from relm_irl_jax.agents.settings import RecurrentSettings, SiameseSettings
+from relm_irl_jax.agents.settings import RecurrentSettings, SavnSettings, SiameseSettings
 from relm_irl_jax.experts import shortest_path_trajectories
 from relm_irl_jax.rewards.functions import ManualReward
 from relm_irl_jax.tasks import Target
@@ -28,6 +28,8 @@ SMALL = SiameseSettings(
 """Uniform initial weights compile faster than normal ones."""
 
 RECURRENT = RecurrentSettings(workers=8, t_max=4, width=8, memory=6)
+
+SAVN = SavnSettings(workers=8, t_max=4, width=8, memory=6, interval=2, inner_steps=3)
 
 CHUNK = 8 * 8 * 4
 """Frames of a chunk of updates of `SMALL`."""

@@ -10,7 +10,7 @@ from pydantic.dataclasses import dataclass
 
 from relm_irl_jax.bounds import Discount, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt, UnitInterval
 
-FRAMES = {"siamese": 6_000_000, "metric": 5_000_000, "map": 256_000, "recurrent": 5_000_000}
+FRAMES = {"siamese": 6_000_000, "metric": 5_000_000, "map": 256_000, "recurrent": 5_000_000, "savn": 5_000_000}
 """Training frames of each agent, unless the configuration says otherwise."""
 
 
@@ -186,6 +186,27 @@ class RecurrentSettings:
     """Weight of the squared value error, relative to the policy loss."""
     entropy_weight: NonNegativeFloat = 0.03
     """Weight of the policy's entropy."""
+
+
+@dataclass(frozen=True)
+class SavnSettings(RecurrentSettings):
+    """The agent that learns to adapt, the recurrent agent's network with an interaction loss: network and optimiser."""
+
+    t_max: PositiveInt = 24
+    """Steps of each worker in an update, a multiple of `interval`. The meta-gradient goes back to the first of them."""
+    adapted: Literal["policy", "top"] = "policy"
+    """Weights that change during an episode: those of the policy layer, or also those of the hidden layer below it.
+    Every episode has weights of its own."""
+    inner_steps: NonNegativeInt = 4
+    """Largest number of changes in an episode; with 0 the agent is the recurrent one. `evaluation.inner_steps`
+    evaluates with another number."""
+    interval: PositiveInt = 6
+    """Steps after which the weights change, and on which the change depends."""
+    inner_rate: PositiveFloat = 0.1
+    """Step size of a change."""
+    meta_gradient: Literal["first-order", "full"] = "full"
+    """Whether the gradient also follows how a change depends on the network's own weights (`full`), or on those of the
+    interaction loss alone (`first-order`)."""
 
 
 @dataclass(frozen=True)

@@ -97,7 +97,8 @@ def train(
 
     Args:
         scenes: the training scenes: a list, `rooms` or a folder.
-        agent: `siamese`, `recurrent`, `metric` or `map`; or an object with the protocol `relm_irl_jax.types.Agent`.
+        agent: `siamese`, `recurrent`, `savn`, `metric` or `map`; or an object with the protocol
+            `relm_irl_jax.types.Agent`.
         reward: a pure function of `relm_irl_jax.transitions.TransitionFeatures` that JAX can trace; or a method of the
             paper: `rl` (hand-made), `irl`, `elm-irl` or `relm-irl`.
         frames: training frames for each seed, such as `300k` or 5e6; by default the agent's.

@@ -24,6 +24,7 @@ AGENT_NAMES = {
     "metric": "an agent that learns distances between views",
     "map": "an agent that draws a map while it searches, at equal costs of all steps and without a learned reward",
     "recurrent": "the paper's siamese actor-critic with a recurrent memory of the episode",
+    "savn": "the paper's siamese actor-critic with recurrent memory, which learns to change its weights in an episode",
 }
 """Descriptions of agents; for other agents, the report uses their name."""
 

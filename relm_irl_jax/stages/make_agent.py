@@ -10,6 +10,7 @@ from relm_irl_jax.agents.map.training_rooms import GeneratedRooms
 from relm_irl_jax.agents.map.weights import SHIPPED, load_weights
 from relm_irl_jax.agents.metric.agent import MetricAgent
 from relm_irl_jax.agents.recurrent.agent import RecurrentAgent
+from relm_irl_jax.agents.savn.agent import SavnAgent
 from relm_irl_jax.agents.siamese.agent import SiameseAgent
 from relm_irl_jax.agents.siamese.behaviour_cloning import BehaviourCloningAgent
 from relm_irl_jax.config import MAP_METHODS, Config, Method, Task
@@ -39,6 +40,8 @@ def make_agent(config: Config, method: Method) -> Agent:
         return _mapping_agent(config)
     if config.agent == "recurrent":
         return RecurrentAgent(config.recurrent, greedy)
+    if config.agent == "savn":
+        return SavnAgent(config.savn, greedy, config.evaluation.inner_steps)
     return SiameseAgent(config.siamese, greedy)
 
 
@@ -110,8 +113,8 @@ def check_agent(config: Config, tasks: Sequence[Task]) -> None:
         )
     if config.agent == "map" and not trains(config) and (weights := config.resolved().map.weights) != "package":
         load_weights(Path(weights))  # raises before the work
-    heads = {"siamese": config.siamese.heads, "recurrent": config.recurrent.heads}.get(config.agent)
-    if heads == "scene" and "III" in tasks:
+    heads = {"siamese": config.siamese.heads, "recurrent": config.recurrent.heads, "savn": config.savn.heads}
+    if heads.get(config.agent) == "scene" and "III" in tasks:
         raise InputError(
             f"{config.agent}.heads: scene has no head for the unseen scenes of task III; use room_type or shared."
         )

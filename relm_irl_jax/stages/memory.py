@@ -99,7 +99,7 @@ def _training_states(config: Config) -> int:
 
 def _training_steps(config: Config) -> dict[str, dict[str, int]]:
     """Bytes of a training step of each agent."""
-    siamese, metric, recurrent = config.siamese, config.metric, config.recurrent
+    siamese, metric = config.siamese, config.metric
     frames = siamese.workers * siamese.t_max
     pairs = metric.states * metric.goals * metric.groups
     return {
@@ -107,10 +107,13 @@ def _training_steps(config: Config) -> dict[str, dict[str, int]]:
             "siamese.workers, siamese.t_max and siamese.width: a training step": frames
             * (siamese.width * ACTIVATIONS * FLOAT32)
         },
-        "recurrent": {
-            "recurrent.workers, recurrent.t_max and recurrent.memory: a training step": recurrent.workers
-            * recurrent.t_max
-            * (recurrent.memory * GATES * ACTIVATIONS * FLOAT32)
+        **{
+            name: {
+                f"{name}.workers, {name}.t_max and {name}.memory: a training step": settings.workers
+                * settings.t_max
+                * (settings.memory * GATES * ACTIVATIONS * FLOAT32)
+            }
+            for name, settings in (("recurrent", config.recurrent), ("savn", config.savn))
         },
         "metric": {
             "metric.states, metric.goals and metric.groups: a training step": pairs * ACTIVATIONS * FLOAT32,

@@ -1,6 +1,7 @@
 """What an agent that searches believed along an episode, laid over the true room."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
@@ -150,5 +151,5 @@ def save_shown_searches(config: Config, folder: RunFolder, choice: AgentChoice, 
             seed=choice.seed,
             category=played.task.chosen[row].category,
         )
-        searches.append(search)
+        searches.append(replace(search, views=search.views[:, ::4, ::4]))  # smaller files
     save_searches(folder.searches(choice.task), searches)

@@ -16,6 +16,7 @@ from relm_irl_jax.report.run_report import circumstances, run_sections, write_pa
 from relm_irl_jax.results import load_all_results
 from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.studies.ablation import AblationRow, ablation_columns, ablation_table
+from relm_irl_jax.studies.search_page import search_section
 
 P = ParamSpec("P")
 
@@ -60,6 +61,7 @@ def write_study(out: Path, ablation: Sequence[AblationRow], irl_methods: Sequenc
         text += [f"## {RUN_TITLES[name]}", "", *section]
     text += [*_readable(_regressor, out), *_ablation(out, ablation), *_irl_methods(out, irl_methods)]
     text += _readable(_stability, out)
+    text += _readable(search_section, out / "map")
     text += ["Runs share learned rewards; the time to learn them is counted in the first run only.", ""]
     for name, folder in runs.items():
         text += [f"## Hardware and configuration: {RUN_TITLES[name]}", "", *_readable(circumstances, folder, "###")]

@@ -101,7 +101,12 @@ def search_table(rows: Sequence[SearchRow], out: Path) -> list[str]:
     lines.append("|---|---|---|---:|" + "---|" * len(columns))
     for row in rows:
         table = read_table(row.path(out))
-        values = [f"{row_interval(table, 'sr', c)} / {row_interval(table, 'spl', c)}" for c in columns]
+        values = [
+            f"{row_interval(table, 'sr', c)} / {row_interval(table, 'spl', c)}"
+            if c in (*table["room_type"], MEAN)
+            else ""
+            for c in columns
+        ]
         scenes = sorted({int(scene.rsplit("-", 1)[1]) for scene in table["scene"]})
         name = NAMES[row.agent] + (", memory filled" if row.memory == "filled" else "")
         runs = sum(map(int, table["episodes"]))
@@ -137,10 +142,13 @@ def failure_table(rows: Sequence[SearchRow], out: Path) -> list[str]:
     Returns:
         Lines of Markdown.
     """
+    if not rows:
+        return []
     lines = ["| Task | Memory | Rooms | Failed | Where | What the target shows |", "|---|---|---|---:|---|---|"]
     for row in rows:
         table, metrics = read_table(row.failures(out)), read_table(row.path(out))
         total = sum(map(int, metrics["episodes"]))
+        table = table or {name: [] for name in FAILURE_COLUMNS}
         count = lambda name, table=table: ", ".join(  # noqa: E731
             f"{what or 'no object'} {n}" for what, n in Counter(table[name]).most_common(5)
         )

@@ -6,11 +6,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tiny import RECURRENT, SMALL, TARGETS, problem, two_rooms
+from tiny import RECURRENT, SAVN, SMALL, TARGETS, problem, two_rooms
 
 from relm_irl_jax.agents.metric.agent import MetricAgent
 from relm_irl_jax.agents.random_agent import RandomPolicy
 from relm_irl_jax.agents.recurrent.agent import RecurrentAgent
+from relm_irl_jax.agents.savn.agent import SavnAgent
 from relm_irl_jax.agents.settings import MetricSettings
 from relm_irl_jax.agents.siamese.agent import SiameseAgent
 from relm_irl_jax.agents.siamese.behaviour_cloning import BehaviourCloningAgent
@@ -43,6 +44,7 @@ AGENTS = {
     "behaviour cloning": BehaviourCloningAgent(SMALL),
     "metric": MetricAgent(METRIC),
     "recurrent": RecurrentAgent(RECURRENT),
+    "savn": SavnAgent(SAVN),
 }
 
 

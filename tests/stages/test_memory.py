@@ -21,7 +21,7 @@ CONFIG = Config()
 
 
 def test_the_defaults_fit_into_two_gigabytes():
-    for agent in ("siamese", "metric", "recurrent"):
+    for agent in ("siamese", "metric", "recurrent", "savn"):
         assert max(estimates(replace(CONFIG, agent=agent)).values()) < 2e9
 
 
