@@ -21,7 +21,8 @@ from relm_irl_jax.report.searches import belief_text, draw_search
 from relm_irl_jax.saved_searches import SavedSearch
 from relm_irl_jax.scenes.objects import best_views
 from relm_irl_jax.scenes.scene import Scene
-from relm_irl_jax.scenes.views import resized
+from relm_irl_jax.scenes.selection import ROOMS, SceneSettings
+from relm_irl_jax.scenes.views import resized, scene_views
 from relm_irl_jax.stages.episodes import EpisodePath, path_from
 from relm_irl_jax.stages.make_agent import packaged_agent
 from relm_irl_jax.stages.searches import beliefs_along, search_over_room
@@ -38,7 +39,7 @@ def search_scene(scene: Scene, targets: Sequence[int], seed: int, episode: int) 
     """Let the mapping agent search for a target, with the weights of the package.
 
     Args:
-        scene: the scene with its views.
+        scene: the scene with its views, as they are shown; the agent sees them at its own size.
         targets: possible target states.
         seed: the seed that draws target and start.
         episode: number of the episode.
@@ -50,7 +51,7 @@ def search_scene(scene: Scene, targets: Sequence[int], seed: int, episode: int) 
         InputError: the scene is too large for the agent.
     """
     start, target = draw_episode(scene, list(targets), seed, episode)
-    agent, parameters = packaged_agent(lambda size: resized(scene, size))
+    agent, parameters = packaged_agent(lambda size: _views(scene, size))
     bare = replace(scene.without_views(), features=np.zeros((scene.n_states, 0), np.float32))
     category = next((name for name, state in best_views(scene).items() if state == target), "")
     world, tables = build_world([bare], []), build_targets([bare], [Target(0, target, category)])
@@ -59,6 +60,13 @@ def search_scene(scene: Scene, targets: Sequence[int], seed: int, episode: int) 
     beliefs = beliefs_along(policy, path.states, 0, 0, 1, jax.random.key(seed))
     moments = range(len(beliefs))
     return search_over_room(scene, path, beliefs, moments, method="rl", seed=seed, category=category), path
+
+
+def _views(scene: Scene, size: int) -> UInt8[np.ndarray, "states size size 3"]:
+    """A built-in room's views rendered at this size, as the agent was trained on; those of other scenes resized."""
+    if scene.source == SOURCE:
+        return scene_views(ROOMS, SceneSettings(), size, scene.name)
+    return resized(scene, size)
 
 
 def search_frames(search: SavedSearch) -> list[UInt8[np.ndarray, "height width 3"]]:

@@ -18,6 +18,7 @@ from relm_irl_jax.report.figures import DrawnFigure
 from relm_irl_jax.report.finding import finding
 from relm_irl_jax.report.html import render_page
 from relm_irl_jax.report.learning_curves import success_columns, success_table
+from relm_irl_jax.report.map_curves import map_curve_figures
 from relm_irl_jax.report.names import AGENT_NAMES, TASK_NAMES, as_code, as_message, as_text, listed
 from relm_irl_jax.report.run_figures import (
     RunData,
@@ -262,7 +263,14 @@ def _figures(data: RunData, base: Path, heading: str) -> list[str]:
         for figure in data.drawn("learning", lambda: [learning_curve_figure(data, curves)]):
             text += _shown(figure, base)
         text += [success_table(curves), ""]
-    for draw in (press_curve_figure, prediction_figure, search_figures, episode_figures, map_figures):
+    for draw in (
+        press_curve_figure,
+        prediction_figure,
+        map_curve_figures,
+        search_figures,
+        episode_figures,
+        map_figures,
+    ):
         for figure in draw(data):
             text += _shown(figure, base)
     if data.faults:
