@@ -97,8 +97,8 @@ def load_scene(path: str | os.PathLike, *, views: bool = True) -> Scene:
     scene = read_scene(path, views=views)
     require_consistent(scene, Path(path))
     table = scene.shortest_path_distance
-    if isinstance(table, np.memmap):  # what the checks have read takes no memory any more
-        table._mmap.madvise(mmap.MADV_DONTNEED)
+    if isinstance(table.base, mmap.mmap):  # what the checks have read takes no memory any more
+        table.base.madvise(mmap.MADV_DONTNEED)
     return scene
 
 
