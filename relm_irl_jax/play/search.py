@@ -20,6 +20,7 @@ from relm_irl_jax.report.names import target_name
 from relm_irl_jax.report.searches import belief_text, draw_search
 from relm_irl_jax.saved_searches import SavedSearch
 from relm_irl_jax.scenes.objects import best_views
+from relm_irl_jax.scenes.rooms.room_specifications import SOURCE
 from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.scenes.selection import ROOMS, SceneSettings
 from relm_irl_jax.scenes.views import resized, scene_views
