@@ -11,6 +11,8 @@ DOCS_STAMP := $(DOCS)/.ready-$(shell cksum < requirements-docs.lock | cut -d' ' 
 # Compiled programs are kept, in the folder in which the tests keep theirs.
 KEPT   := JAX_COMPILATION_CACHE_DIR='$(CURDIR)/.cache/jax' JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS=0 \
           JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES=-1
+# Programs are optimised as for users; tests that train little save compiling time instead (tests/conftest.py).
+FAST   := JAX_DISABLE_MOST_OPTIMIZATIONS=0
 
 # A variable that is not given leaves the value of the configuration.
 TASK    ?=  ## I, II or III: the task that is evaluated; II by default.
@@ -71,10 +73,10 @@ test: $(STAMP)  ## Run the tests, but for the slow ones. [ARGS]
 	@$(BIN)/python -m pytest $(ARGS)
 
 slow: $(STAMP)  ## Run the slow tests: whole trainings. [ARGS]
-	@$(BIN)/python -m pytest -m slow $(ARGS) || test $$? = 5  # pytest says 5 where no test is slow
+	@$(FAST) $(BIN)/python -m pytest -m slow $(ARGS) || test $$? = 5  # pytest says 5 where no test is slow
 
 chaos: $(STAMP)  ## End a run at many moments, continue it, and compare the results. [ARGS]
-	@$(BIN)/python tests/chaos.py $(ARGS)
+	@$(FAST) $(BIN)/python tests/chaos.py $(ARGS)
 
 fuzz: $(STAMP)  ## Read thousands of damaged and absurd inputs. [ARGS]
 	@$(BIN)/python tests/fuzz.py $(ARGS)

@@ -2,15 +2,17 @@
 
     make paper                                all pieces, then runs/paper/report.html
     make paper PIECE=metric                   one of siamese, siamese-told, metric, metric-open, metric-no-hindsight,
-                                              vizdoom, elm, stability, ablation, irl-methods, map, report
+                                              vizdoom, elm, stability, ablation, irl-methods, map, many-rooms,
+                                              report
     make paper PIECE=ablation VARIANT=lp      one variant, and the base that it is compared with
     make paper QUICK=1                        the same code on tiny rooms, in runs/paper-quick
     make paper JOBS=4                         four runs at a time, each in a process of its own
 
 Tables 1 to 3 and Figures 6 and 11 are of the pieces `siamese` (the paper's agent) and `metric`, Figures 7 to 10 of
-`elm`. The piece `map` measures the mapping agent in unseen rooms. The piece `vizdoom` runs where it is named, since its
-scenes have to be recorded first. The presets lie in experiments/paper. Runs go where joblib's context sends them: a
-script that calls `main` within `joblib.parallel_config` can spread them over a cluster.
+`elm`. The piece `map` measures the mapping agent in unseen rooms. Two pieces run where they are named: `vizdoom`, whose
+scenes have to be recorded first, and `many-rooms`, which trains on hundreds of rooms. The presets lie in
+experiments/paper. Runs go where joblib's context sends them: a script that calls `main` within `joblib.parallel_config`
+can spread them over a cluster.
 """
 
 import sys
@@ -50,9 +52,10 @@ Piece = Literal[
     "ablation",
     "irl-methods",
     "map",
+    "many-rooms",
     "report",
 ]
-PIECES: tuple[Piece, ...] = tuple(piece for piece in get_args(Piece) if piece != "vizdoom")
+PIECES: tuple[Piece, ...] = tuple(piece for piece in get_args(Piece) if piece not in ("vizdoom", "many-rooms"))
 
 
 @dataclass(frozen=True)
@@ -84,6 +87,7 @@ def main(settings: Paper) -> Path:
     overlays = [QUICK] if settings.quick else []
     ablation = load_ablation(PRESETS / "ablation.toml")
     methods = load_ablation(PRESETS / "irl-methods.toml")
+    many_rooms = load_ablation(PRESETS / "many-rooms.toml")
     names = settings.variants or [n for n, v in ablation.variants.items() if v.quick or not settings.quick]
     unknown = [name for name in names if name not in ablation.variants]
     if unknown:
@@ -98,6 +102,9 @@ def main(settings: Paper) -> Path:
         if "irl-methods" in settings.pieces:
             quick = [n for n, v in methods.variants.items() if v.quick or not settings.quick]
             run_ablation(methods, quick, changes, out / "irl-methods")
+        if "many-rooms" in settings.pieces:
+            quick = [n for n, v in many_rooms.variants.items() if v.quick or not settings.quick]
+            run_ablation(many_rooms, quick, changes, out / "many-rooms")
     config = load_preset(PRESETS / "siamese.toml", overlays)
     if "elm" in settings.pieces:
         sizes = tuple(size for size in PAPER_SIZES if size <= 5 * config.elm.hidden)
@@ -109,8 +116,9 @@ def main(settings: Paper) -> Path:
         search_study.main(load_preset(PRESETS / "map.toml", overlays), out / "map", quick=settings.quick)
     rows = ablation_rows(ablation, changes, out / "ablation")
     method_rows = ablation_rows(methods, changes, out / "irl-methods")
+    room_rows = ablation_rows(many_rooms, changes, out / "many-rooms")
     with parallel_config(n_jobs=settings.jobs) if settings.jobs > 1 else nullcontext():
-        path = write_study(out, rows, method_rows).with_suffix(".html")
+        path = write_study(out, rows, method_rows, room_rows).with_suffix(".html")
     console.print(f"Report: {path}", highlight=False, soft_wrap=True)
     return path
 

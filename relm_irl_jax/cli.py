@@ -349,7 +349,16 @@ def _default_config(arguments: list[str]) -> "tuple[Config, list[str]]":
     if run:
         folder, config = find_run(Path(run))
         return replace(config, run=folder.path), arguments
-    return load_config(Path(file)) if file else Config(), arguments
+    return load_config(_preset(file)) if file else Config(), arguments
+
+
+def _preset(name: str) -> Path:
+    """The file of a preset that is given by its name, such as `metric`; any other name is that of a file."""
+    package = Path(__file__).parent
+    for folder in (package / "presets", package.parent / "experiments"):
+        if not Path(name).exists() and (folder / f"{name}.toml").is_file():
+            return folder / f"{name}.toml"
+    return Path(name)
 
 
 def _pop_option(arguments: list[str], option: str, kind: str, remedy: str) -> tuple[str | None, list[str]]:

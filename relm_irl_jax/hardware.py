@@ -55,22 +55,69 @@ class StageTimes:
 _STAGE_TIMES = TypeAdapter(StageTimes)
 
 
+SYSTEM, GROUPS = Path("/proc"), Path("/sys/fs/cgroup")
+"""Where the system reports the memory of processes and of control groups."""
+
+_GROUP_FILES = {
+    "": ("memory.current", "memory.max", "file"),
+    "memory": ("memory.usage_in_bytes", "memory.limit_in_bytes", "total_cache"),
+}
+"""By controller, which version 2 of control groups does not name: the files with the memory in use and its limit, and
+the line of `memory.stat` with what files occupy, which the system can free."""
+
+
 def available_memory() -> int | None:
-    """Memory that this process can still use, under the limits of the system and of its control group.
+    """Memory that this process can still use, under the limits of the system, of its control groups and of `ulimit`.
 
     Returns:
         Bytes; None if the system does not report them.
     """
-    found = []
-    with suppress(OSError, ValueError, StopIteration):
-        lines = Path("/proc/meminfo").read_text().splitlines()
-        found.append(1024 * int(next(line for line in lines if line.startswith("MemAvailable")).split()[1]))
-    with suppress(OSError, ValueError):
-        folder = Path("/sys/fs/cgroup")
-        used, limit = (int((folder / f"memory.{name}").read_text()) for name in ("current", "max"))
-        cached = next(line for line in (folder / "memory.stat").read_text().splitlines() if line.startswith("file "))
-        found.append(limit - used + int(cached.split()[1]))
-    return min(found, default=None)
+    found = [*_left_in_groups(), *_left_for_process()]
+    with suppress(OSError, ValueError, KeyError):
+        found.append(_kilobytes(SYSTEM / "meminfo")["MemAvailable"] * 1024)
+    return max(min(found), 0) if found else None
+
+
+def _left_in_groups() -> Iterator[int]:
+    """What the limits of this process's control groups leave, from its own group up to the root."""
+    lines = []
+    with suppress(OSError):
+        lines = (SYSTEM / "self" / "cgroup").read_text().splitlines()
+    for line in lines:
+        _, controllers, path = line.split(":", 2)
+        for controller in _GROUP_FILES.keys() & set(controllers.split(",")):
+            used, limit, cached = _GROUP_FILES[controller]
+            own = GROUPS / controller / path.lstrip("/")
+            for group in (own, *own.parents):
+                # A group without a limit has no such file, or one with a word.
+                with suppress(OSError, ValueError, KeyError):
+                    occupied = int((group / used).read_text()) - _numbers(group / "memory.stat")[cached]
+                    yield int((group / limit).read_text()) - occupied
+                if group == GROUPS / controller:
+                    break
+
+
+def _left_for_process() -> Iterator[int]:
+    """What `ulimit -v` and `ulimit -d` leave."""
+    with suppress(ImportError, OSError, ValueError, KeyError):
+        import resource  # not on every system
+
+        used = _kilobytes(SYSTEM / "self" / "status")
+        for limit, what in ((resource.RLIMIT_AS, "VmSize"), (resource.RLIMIT_DATA, "VmData")):
+            allowed = resource.getrlimit(limit)[0]
+            if allowed != resource.RLIM_INFINITY:
+                yield allowed - used[what] * 1024
+
+
+def _numbers(path: Path) -> dict[str, int]:
+    """Lines of a name and a number."""
+    return {name: int(number) for name, number in (line.split() for line in path.read_text().splitlines())}
+
+
+def _kilobytes(path: Path) -> dict[str, int]:
+    """Lines of a name, a colon and a number of kilobytes."""
+    pairs = (line.split(":", 1) for line in path.read_text().splitlines())
+    return {name: int(value.split()[0]) for name, value in pairs if value.strip().endswith(" kB")}
 
 
 def require_memory(needed: int, what: str) -> None:

@@ -22,9 +22,9 @@ COMMANDS = {
 
 TRAIN = """Train agents and evaluate them on a task.
 
-`--config FILE` reads other defaults from a TOML file. `--resume RUN` continues a run with the configuration in its
-folder. Agents that are already trained are not trained again, and an interrupted training continues from its last
-checkpoint."""
+`--config FILE` reads other defaults from a TOML file, or from a preset such as `metric`. `--resume RUN` continues a run
+with the configuration in its folder. Agents that are already trained are not trained again, and an interrupted training
+continues from its last checkpoint."""
 
 TITLE = re.compile(r"^ (?:(?P<group>[\w.-]+) )?options *\n -+ *\n", re.MULTILINE)
 """First lines of a section in tyro's help, as it is written to text that is no terminal."""

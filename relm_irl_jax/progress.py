@@ -1,5 +1,6 @@
 """Progress bars on standard error: units done, rate and remaining time."""
 
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -17,7 +18,16 @@ from rich.progress import (
 from rich.table import Column
 from rich.text import Text
 
-console = Console(stderr=True, markup=False, emoji=False, force_jupyter=False)
+IN_NOTEBOOK = "ipykernel" in sys.modules
+
+console = Console(
+    stderr=True,
+    markup=False,
+    emoji=False,
+    force_jupyter=False,
+    force_terminal=False if IN_NOTEBOOK else None,
+    width=100 if IN_NOTEBOOK else None,
+)
 """Standard error. Names and paths are printed as they are, not as markup. In notebooks, where rich would need a package
 of its own to move a bar, a bar is one line of text when it ends."""
 

@@ -43,17 +43,27 @@ TIMED = ("hardware.json", "report.md", "report.html")
 TRAIN = ("train", "--config", str(EXPERIMENT), "--run", "run", *QUICK, "--log.checkpoint-minutes", "0")
 LEARNED = ("--frames", "6144", "--seeds", "2", "--methods", "rl", "irl", "relm-irl")
 IN_FOLDER = ("--scenes", "../scenes", "--irl.processes", "1", "--irl.dimension", "8")
+IMAGINED = (
+    *("--frames", "6144", "--methods", "rl", "relm-irl"),
+    *("--siamese.imagine", "told", "--siamese.targets-at-once", "2"),
+)
+MAP = (
+    *("--agent", "map", "--methods", "rl", "--frames", "256", "--evaluation.episodes", "2"),
+    *("--map.weights", "train", "--map.views", "8", "--map.targets", "4"),
+)
 THEN = (("evaluate", "run", "--task", "I"), ("report", "run"))
 
 SETUPS = {
     "rooms": ((*TRAIN, *LEARNED), *THEN),
     "folder": ((*TRAIN, *LEARNED, *IN_FOLDER), *THEN),
     "metric": ((*TRAIN, *IN_FOLDER, "--frames", "6144", "--agent", "metric", "--methods", "rl"), *THEN),
+    "imagined": ((*TRAIN, *IN_FOLDER, *IMAGINED), *THEN),
+    "map": ((*TRAIN, *IN_FOLDER, *MAP), *THEN),
     "quick": ((*TRAIN, *IN_FOLDER, "--frames", "3072", "--methods", "rl"),),
 }
 """Commands that are ended. In a folder of scenes with features, a moment costs less: nothing is encoded."""
 
-SHARES = {"rooms": 1, "folder": 2, "metric": 1}
+SHARES = {"rooms": 1, "folder": 2, "metric": 1, "imagined": 1, "map": 1}
 """How many of the cases have which commands, unless they are named."""
 
 

@@ -9,5 +9,8 @@ FOLDER = Path(__file__).parents[1] / ".cache" / "jax"
 os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(FOLDER))
 os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
 os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES", "-1")
+# Compiling takes most of the time of tests and hardly any program runs long, so most optimisations are left out.
+# `make slow`, whose tests train, and everything else that `.ci/run` starts have them.
+os.environ.setdefault("JAX_DISABLE_MOST_OPTIMIZATIONS", "1")
 # A product of arrays of two types is an error, not silently an array of the wider type.
 os.environ.setdefault("JAX_NUMPY_DTYPE_PROMOTION", "strict")

@@ -13,7 +13,10 @@ from chaos import IN_FOLDER, TRAIN, contents, save_scenes
 
 pytestmark = pytest.mark.slow
 
-COMMAND = (*TRAIN, *IN_FOLDER, "--frames", "6144", "--methods", "random", "relm-irl")
+GIVEN = ("--siamese.imagine", "none")
+"""Workers with given targets are divided among devices; imagined targets train on one."""
+
+COMMAND = (*TRAIN, *IN_FOLDER, "--frames", "6144", "--methods", "random", "relm-irl", *GIVEN)
 
 
 def files_of_a_run(folder, prefix=(), **environment):

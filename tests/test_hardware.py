@@ -1,10 +1,12 @@
 """Where a run was computed, and how long its stages took."""
 
 import json
+import resource
 
 import pytest
 from run_folders import HARDWARE
 
+from relm_irl_jax import hardware
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.files import write_json
 from relm_irl_jax.hardware import Stopwatch, describe_computer, load_stage_times
@@ -30,3 +32,43 @@ def test_a_damaged_file_is_written_anew(tmp_path):
     with Stopwatch(path)("evaluation"):
         pass
     assert list(json.loads(path.read_text())["seconds"]) == ["evaluation"]
+
+
+@pytest.fixture
+def system(tmp_path, monkeypatch):
+    """Files of a system with 9 GB of available memory, and without limits."""
+
+    def write(path, text):
+        (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / path).write_text(text)
+
+    write("proc/meminfo", "MemTotal: 16000000 kB\nMemAvailable: 9000000 kB\nHugePages_Total: 0\n")
+    write("proc/self/status", "Name:\tpython\nVmSize:\t 700 kB\nVmData:\t 200 kB\nThreads:\t3\n")
+    monkeypatch.setattr(hardware, "SYSTEM", tmp_path / "proc")
+    monkeypatch.setattr(hardware, "GROUPS", tmp_path / "cgroup")
+    monkeypatch.setattr(resource, "getrlimit", lambda limit: (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
+    return write
+
+
+def test_the_least_limit_of_all_control_groups_counts(system):
+    """What files occupy can be freed, and does not count as used."""
+    assert hardware.available_memory() == 9_000_000 * 1024
+    system("proc/self/cgroup", "9:cpu,memory:/jobs/mine\n0::/jobs/mine\n")
+    for group, limit in (("cgroup/jobs/mine", "max\n"), ("cgroup/jobs", "5000\n")):
+        system(f"{group}/memory.max", limit)
+        system(f"{group}/memory.current", "1500\n")
+        system(f"{group}/memory.stat", "anon 1000\nfile 500\n")
+    assert hardware.available_memory() == 4000
+    system("cgroup/memory/memory.limit_in_bytes", "3000\n")
+    system("cgroup/memory/memory.usage_in_bytes", "2000\n")
+    system("cgroup/memory/memory.stat", "cache 1\ntotal_cache 700\n")
+    assert hardware.available_memory() == 1700
+    system("cgroup/memory/memory.usage_in_bytes", "9000\n")
+    assert hardware.available_memory() == 0
+
+
+@pytest.mark.parametrize(("limit", "used"), [(resource.RLIMIT_AS, 700), (resource.RLIMIT_DATA, 200)])
+def test_limits_of_the_shell_count(system, monkeypatch, limit, used):
+    allowed = {limit: 10**6}
+    monkeypatch.setattr(resource, "getrlimit", lambda which: (allowed.get(which, resource.RLIM_INFINITY), 0))
+    assert hardware.available_memory() == 10**6 - used * 1024

@@ -17,6 +17,9 @@ from relm_irl_jax.parameters import load_parameters
 from relm_irl_jax.play.animation import FRAME_MILLISECONDS
 from relm_irl_jax.scenes.selection import training_scenes
 
+NO_REPORT = "relm_irl_jax.pipeline.write_report"
+"""What tests replace that do not look at the report: drawing its figures takes most of a command's time."""
+
 
 def succeed(folder, *arguments):
     code, out, err = relm_irl(folder, *arguments)
@@ -64,8 +67,9 @@ def test_the_run_leaves_what_it_promises(first, folder):
     assert {"irl", "elm-irl", "relm-irl"} == set(quality["method"])
 
 
-def test_the_same_seed_gives_the_same_results(first, folder):
+def test_the_same_seed_gives_the_same_results(first, folder, monkeypatch):
     """Of one method, which does not depend on the others."""
+    monkeypatch.setattr(NO_REPORT, lambda folder: None)
     succeed(folder, "train", "--config", str(EXPERIMENT), "--run", "two", *QUICK, "--methods", "relm-irl")
     one, two = (json.loads((folder / run / "results.json").read_text())["rows"] for run in ("one", "two"))
     assert two == [row for row in one if row["method"] == "relm-irl"]
@@ -74,7 +78,8 @@ def test_the_same_seed_gives_the_same_results(first, folder):
         assert (folder / "one" / name).read_bytes() == (folder / "two" / name).read_bytes(), name
 
 
-def test_a_finished_run_is_evaluated_without_training(first, folder):
+def test_a_finished_run_is_evaluated_without_training(first, folder, monkeypatch):
+    monkeypatch.setattr(NO_REPORT, lambda folder: None)
     weights = folder / "one" / "agents" / "rl-seed-0.safetensors"
     before = weights.stat().st_mtime_ns
     succeed(folder, "evaluate", "one", "--task", "III")
@@ -197,7 +202,7 @@ def test_a_policy_of_the_user_gets_a_row_beside_the_run(first, folder, monkeypat
     assert all(row["sr"] < 0.5 and row["ple"] > 40 for row in own)  # turning on the spot reaches three poses
     assert "turner is not of this package" in (folder / "one" / "report.md").read_text()
     # The same rows, measured elsewhere, under another name; the report, written above, is not drawn again.
-    monkeypatch.setattr("relm_irl_jax.pipeline.write_report", lambda folder: None)
+    monkeypatch.setattr(NO_REPORT, lambda folder: None)
     (folder / "elsewhere.json").write_text(json.dumps(after | {"rows": own}))
     succeed(folder, "evaluate", "one", "--results", "elsewhere.json", "--name", "twin")
     twice = json.loads((folder / "one" / "results-II.json").read_text())["rows"]

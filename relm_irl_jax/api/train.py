@@ -1,8 +1,10 @@
 """Training of an agent with a reward of the user's choice."""
 
 import dataclasses
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -71,6 +73,8 @@ class Trained:
         """
         from relm_irl_jax.report.learning_curves import TrainingCurve, learning_figure  # loads matplotlib
 
+        if "ipykernel" in sys.modules:  # figures are then shown below cells, also where nobody imported pyplot
+            import_module("matplotlib_inline.backend_inline")
         names = [column.name for column in dataclasses.fields(TrainingCurve)]
         missing = [name for name in names if name not in self.curve]
         if missing or not len(self.curve["frames"]):

@@ -21,7 +21,7 @@ SCREEN_DPI = 100
 LONG_NAME = 30
 """Length in characters above which names of table rows may wrap."""
 
-STYLE = """
+STYLE = r"""
 :root { color-scheme: light dark; }
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 68rem; margin: 0 auto; padding: 1rem; }
 h1, h2 { line-height: 1.2; margin-top: 2rem; }
@@ -30,7 +30,10 @@ img { max-width: 100%; height: auto; background: white; border-radius: 4px; }
 .table, .wide { overflow-x: auto; }
 .table { margin: 1rem 0; }
 th { text-align: left; vertical-align: bottom; }
-.wide img { min-width: 44rem; }
+@media (max-width: 46rem) {
+  .wide img { min-width: 44rem; }
+  .wide::before { content: "scroll to the right \2192"; position: sticky; left: 0; font-size: 0.8em; opacity: 0.7; }
+}
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size: 0.92em; }
 th, td { padding: 0.25rem 0.7rem; border-bottom: 1px solid #8884; white-space: nowrap; }
 th:first-child, td:first-child { position: sticky; left: 0; background: Canvas; padding-left: 0; }

@@ -300,5 +300,6 @@ def map_figures(data: RunData) -> list[DrawnFigure]:
         data.faults.append(f"{data.folder.path}: contains no maps of rewards.")
     for targets in ("trained", "new"):
         for file in data.folder.reward_maps(targets):
-            draw(file, reward_figure, "Rewards over {scene}", partial(reward_caption, targets=targets))
+            title = f"Rewards over {{scene}} for a {targets} target"
+            draw(file, reward_figure, title, partial(reward_caption, targets=targets))
     return drawn

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 from sklearn.decomposition import PCA
+from threadpoolctl import threadpool_limits
 
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.scenes.scene import Scene
@@ -56,7 +57,9 @@ def fit_basis(scenes: Sequence[Scene], dimension: int) -> RewardBasis:
         InputError: `dimension` exceeds the rank of the features.
     """
     features = np.concatenate([np.asarray(scene.encoded, np.float64) for scene in scenes])
-    pca = PCA(svd_solver="covariance_eigh").fit(features)  # pyrefly: ignore  its types lack this solver
+    # With one thread, since sums over views are added in another order by two: rewards would depend on the cores.
+    with threadpool_limits(1):
+        pca = PCA(svd_solver="covariance_eigh").fit(features)  # pyrefly: ignore  its types lack this solver
     variance = pca.explained_variance_
     rank = int((variance > variance[0] * 1e-12).sum())
     if dimension > rank:

@@ -5,6 +5,7 @@ The extreme learning machine is fitted to these (start, target) → w pairs. Eve
 path, so the states along the demonstrations can serve as further targets. Evaluation targets never do.
 """
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +23,7 @@ from relm_irl_jax.experts import (
     sub_trajectories,
 )
 from relm_irl_jax.irl import MaxMarginProblem, Solution, WeightsOf, learn_weights, learn_weights_by
+from relm_irl_jax.progress import console
 from relm_irl_jax.rewards.settings import IrlSettings
 from relm_irl_jax.scenes.scene import Scene, successors
 from relm_irl_jax.tasks import Target, TaskSplit
@@ -191,13 +193,19 @@ def learn_demonstrated_rewards(
 
     in_part = max(1, EXPERTS_IN_MEMORY // max(scene.n_states for scene in scenes))
     parts = [to_solve[first : first + in_part] for first in range(0, len(to_solve), in_part)]
-    solutions = []
+    solutions, began = [], time.monotonic()
     for number, part in enumerate(parts, start=1):
         if weights_of is not None:
             solutions += learn_weights_by(weights_of, [problem(item) for item in part], settings)
             continue
         description = "inverse RL" if len(parts) == 1 else f"inverse RL, part {number}/{len(parts)}"
         solutions += learn_weights([problem(item) for item in part], settings, settings.processes or None, description)
+        if number < len(parts):
+            left = (time.monotonic() - began) * (len(to_solve) / len(solutions) - 1) / 60
+            console.print(
+                f"inverse RL: {len(solutions):,} of {len(to_solve):,} problems are solved, the others take about "
+                f"{left:.0f} min more; fewer trajectories (--irl.trajectories) are fewer problems."
+            )
     for item, solution in zip(to_solve, solutions, strict=True):
         if item.trained and not solution.solved:
             raise InputError(

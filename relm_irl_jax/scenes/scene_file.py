@@ -7,10 +7,10 @@ Datasets: `observation` (state, height, width, 3), `resnet_feature` (state, crop
 """
 
 import math
+import mmap
 import os
 import re
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -21,6 +21,7 @@ from relm_irl_jax.errors import InputError, first_line
 from relm_irl_jax.files import whole_file
 from relm_irl_jax.hardware import require_memory
 from relm_irl_jax.scenes.consistency import require_consistent
+from relm_irl_jax.scenes.mapped_copy import map_copy
 from relm_irl_jax.scenes.scene import (
     ACTIONS,
     COLLISION,
@@ -42,7 +43,7 @@ DISTANCE = "shortest_path_distance"
 """Name of the dataset of distances."""
 
 IN_FILE_BYTES = 2**26
-"""Size from which a table of distances stays in its file, where the file's layout allows it."""
+"""Size from which a table of distances stays in a file, a private copy, where the file's layout allows it."""
 
 MAX_COMPRESSION = 2000
 """Largest plausible ratio of a dataset's size to its file's size; with a larger ratio, the file is damaged."""
@@ -96,9 +97,8 @@ def load_scene(path: str | os.PathLike, *, views: bool = True) -> Scene:
     scene = read_scene(path, views=views)
     require_consistent(scene, Path(path))
     table = scene.shortest_path_distance
-    if isinstance(table, np.memmap):  # mapped again, so that what the checks have read takes no memory any more
-        table = np.memmap(Path(path), table.dtype, "r", table.offset, table.shape)
-        scene = replace(scene, shortest_path_distance=table)
+    if isinstance(table.base, mmap.mmap):  # what the checks have read takes no memory any more
+        table.base.madvise(mmap.MADV_DONTNEED)
     return scene
 
 
@@ -218,11 +218,11 @@ def _memory(file: h5py.File, *, views: bool) -> int:
 
 
 def _distances(file: h5py.File, path: Path, n_states: int) -> Int32[np.ndarray, "states states"]:
-    """Read the distances; a large table stays in the file, and is otherwise read a few rows at a time."""
+    """Read the distances: a large table as a mapped copy, and otherwise a few rows at a time."""
     stored = _checked(file, path, DISTANCE, (n_states, n_states))
     _require(stored.dtype.kind in "iuf", path, DISTANCE, f"must contain real numbers, not {stored.dtype}")
     if in_file := _stays_in_file(stored):
-        distances = np.memmap(path, np.int32, "r", offset=stored.id.get_offset(), shape=stored.shape)
+        distances = map_copy(path, stored.id.get_offset(), (n_states, n_states))
     else:
         distances = np.empty(stored.shape, np.int32)
     for first in range(0, n_states, ROWS_AT_ONCE):

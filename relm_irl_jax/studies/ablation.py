@@ -1,6 +1,6 @@
 """Ablations: a base configuration, named variants of it, and tables of their differences on the same seeds."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from math import isnan
@@ -10,8 +10,9 @@ from typing import Any, get_args
 from pydantic import TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass as settings_dataclass
 
-from relm_irl_jax.config import AgentName, Config, Method, overlay, read_fields
+from relm_irl_jax.config import AgentName, Config, Method, overlay, read_fields, trained_part
 from relm_irl_jax.errors import InputError, first_fault
+from relm_irl_jax.files import write_bytes
 from relm_irl_jax.report.comparison import markdown_difference
 from relm_irl_jax.report.intervals import MeanInterval, mean_interval, paired_difference
 from relm_irl_jax.report.names import metric_name
@@ -38,12 +39,15 @@ class Variant:
         set: the fields to change.
         agents: agents with which the variant is run.
         quick: whether the quick study includes the variant.
+        trained_by: name of the variant, or `BASE`, whose trained agents are evaluated instead of training others; empty
+            to train. The two may differ in their evaluation alone.
     """
 
     title: str
     set: dict[str, Any] = field(default_factory=dict)
     agents: tuple[AgentName, ...] = ("metric",)
     quick: bool = False
+    trained_by: str = ""
 
 
 @settings_dataclass(frozen=True)
@@ -149,8 +153,29 @@ def run_ablation(ablation: Ablation, names: Sequence[str], changes: Mapping[str,
     """
     variants = [(name, agent) for name in names for agent in ablation.variants[name].agents]
     bases = [(BASE, agent) for agent in dict.fromkeys(agent for _, agent in variants)]
-    runs = [variant_config(ablation, name, agent, changes, folder) for name, agent in (*bases, *variants)]
-    complete_runs(runs, partial(complete_run, tasks=ablation.tasks, maps=False))
+    complete = partial(complete_run, tasks=ablation.tasks, maps=False)
+    evaluated = [(name, agent) for name, agent in variants if ablation.variants[name].trained_by]
+    sources = [(ablation.variants[name].trained_by, agent) for name, agent in evaluated]
+    trained = dict.fromkeys((*bases, *sources, *(run for run in variants if run not in evaluated)))
+    complete_runs([variant_config(ablation, name, agent, changes, folder) for name, agent in trained], complete)
+    pairs = [
+        tuple(variant_config(ablation, name, agent, changes, folder) for name in (source, variant))
+        for (source, agent), (variant, _) in zip(sources, evaluated, strict=True)
+    ]
+    complete_runs(pairs, partial(_complete_with_agents, complete))
+
+
+def _complete_with_agents(complete: Callable[[Config], None], pair: tuple[Config, Config]) -> None:
+    """Complete a run with the trained agents of another one."""
+    source, config = pair
+    if trained_part(source) != trained_part(config):
+        raise InputError(f"{config.run}: differs from {source.run} in more than its evaluation; let it train agents.")
+    assert source.run is not None
+    assert config.run is not None
+    for path in sorted((source.run / name) for name in ("agents", "curves")):
+        for file in sorted(path.iterdir()):
+            write_bytes(config.run / path.name / file.name, file.read_bytes())
+    complete(config)
 
 
 def ablation_rows(ablation: Ablation, changes: Mapping[str, Any], folder: Path) -> list[AblationRow]:
@@ -203,7 +228,8 @@ def ablation_rows(ablation: Ablation, changes: Mapping[str, Any], folder: Path) 
 
 def _rank_of_new_targets(run: RunFolder, method: str, seed: int) -> float:
     """Median rank of new targets under a method's predicted rewards; NaN if it predicts none."""
-    quality = load_reward_quality(run.rewards(seed, "quality.csv"))
+    path = run.rewards(seed, "quality.csv")
+    quality = load_reward_quality(path) if path.exists() else []
     return next((row.median_rank for row in quality if (row.method, row.targets) == (method, "new")), float("nan"))
 
 

@@ -36,14 +36,26 @@ RUN_TITLES = {
 }
 """Titles of a study's runs, by the names of their folders."""
 
+AGENT_TITLES = RUN_TITLES | {
+    "recurrent": "The paper's network with recurrent memory (not in the paper)",
+    "savn": "The paper's network with recurrent memory, which learns to adapt (not in the paper)",
+}
+"""Titles of the tables of each agent."""
 
-def write_study(out: Path, ablation: Sequence[AblationRow], irl_methods: Sequence[AblationRow] = ()) -> Path:
+
+def write_study(
+    out: Path,
+    ablation: Sequence[AblationRow],
+    irl_methods: Sequence[AblationRow] = (),
+    many_rooms: Sequence[AblationRow] = (),
+) -> Path:
     """Write `report.html` and `report.md` of a study from the runs in its folder; joblib's context selects who draws.
 
     Args:
         out: folder of the study.
         ablation: rows of the ablation.
         irl_methods: rows of the methods of inverse reinforcement learning.
+        many_rooms: rows of agents trained on few and many rooms.
 
     Returns:
         The Markdown file.
@@ -60,6 +72,7 @@ def write_study(out: Path, ablation: Sequence[AblationRow], irl_methods: Sequenc
     for name, section in zip(runs, _sections(list(runs.values()), out), strict=True):
         text += [f"## {RUN_TITLES[name]}", "", *section]
     text += [*_readable(_regressor, out), *_ablation(out, ablation), *_irl_methods(out, irl_methods)]
+    text += _many_rooms(out, many_rooms)
     text += _readable(_stability, out)
     text += _readable(search_section, out / "map")
     text += ["Runs share learned rewards; the time to learn them is counted in the first run only.", ""]
@@ -192,13 +205,29 @@ def _irl_methods(out: Path, rows: Sequence[AblationRow]) -> list[str]:
     ]
 
 
+def _many_rooms(out: Path, rows: Sequence[AblationRow]) -> list[str]:
+    """Metrics of agents trained on few and many rooms."""
+    if not rows:
+        return []
+    write_table(out / "tables" / "many-rooms.csv", ablation_columns(rows))
+    return [
+        "## Memory and adaptation, trained on few and many rooms",
+        "",
+        "RL with the hand-made reward and ten training targets for each room; the base is 6 rooms. The unseen rooms of "
+        "Task III are the same in all rows. Changes are paired with the base on the same seeds, ± half of the 95% "
+        "interval (Student's t); bold if the interval excludes zero.",
+        "",
+        *_tables_by_agent(rows),
+    ]
+
+
 def _tables_by_agent(rows: Sequence[AblationRow]) -> list[str]:
     """A section for each agent with tables of SR and SPL."""
     text = []
     for agent in dict.fromkeys(row.agent for row in rows):
         of_agent = [row for row in rows if row.agent == agent]
         frames, seeds = of_agent[0].frames, of_agent[0].seeds
-        text += [f"### {RUN_TITLES[agent]}", "", f"{frames:,} training frames, {seeds} seeds.", ""]
+        text += [f"### {AGENT_TITLES[agent]}", "", f"{frames:,} training frames, {seeds} seeds.", ""]
         text += [ablation_table(of_agent, "sr"), "", ablation_table(of_agent, "spl"), ""]
     return text
 

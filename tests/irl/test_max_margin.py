@@ -14,10 +14,12 @@ from relm_irl_jax.irl import (
     reference_max_margin,
     relative_features,
     reward,
+    row_generation,
     solve_many,
 )
 from relm_irl_jax.irl.convex_program import ConvexProgram, DualVariables, convex_program
 from relm_irl_jax.irl.feature_factorisation import factorise
+from relm_irl_jax.irl.interior_point import solve_by_interior_point
 from relm_irl_jax.irl.margins import margin_rows
 from relm_irl_jax.irl.solver import solve_program
 from relm_irl_jax.scenes.scene import successors
@@ -46,6 +48,30 @@ def test_agrees_with_the_paper_s_statement_in_cvxpy(form, variant, penalty, dime
     np.testing.assert_array_equal(fast.states, reference.states)
     if variant == "lp-l2":
         np.testing.assert_allclose(fast.w, reference.w, atol=1e-3 * np.abs(reference.w).max())
+
+
+@pytest.mark.parametrize(("form", "variant"), list(itertools.product(("cost", "free"), ("lp", "lp-l2"))))
+def test_the_bounds_of_a_few_states_give_the_same_optimum(monkeypatch, form, variant):
+    problem, settings = problem_of(6), MaxMarginSettings(form=form, variant=variant, discount=0.95)
+    whole = max_margin(problem, settings)
+    sizes = []
+
+    def solve(program):
+        sizes.append(len(program.lower))
+        return solve_by_interior_point(program)
+
+    monkeypatch.setattr(row_generation, "MANY_STATES", 10)
+    monkeypatch.setattr(row_generation, "FIRST_STATES", 8)
+    monkeypatch.setattr(row_generation, "ADDED_STATES", 3)
+    monkeypatch.setattr(row_generation, "solve_by_interior_point", solve)
+    few = max_margin(problem, settings)
+    assert sizes[0] == 8
+    assert sizes[1] > 8
+    assert max(sizes) < 31
+    assert few.status is whole.status is Status.OPTIMAL
+    assert few.objective == pytest.approx(whole.objective, rel=1e-7)
+    if variant == "lp-l2":
+        np.testing.assert_allclose(few.w, whole.w, atol=1e-5 * np.abs(whole.w).max())
 
 
 @pytest.mark.parametrize("form", ["cost", "free"])

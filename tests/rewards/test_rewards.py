@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from builders import grid_scene, labelled
+from threadpoolctl import threadpool_limits
 
 from relm_irl_jax import env
 from relm_irl_jax.env import Episode
@@ -28,6 +29,19 @@ from relm_irl_jax.rewards.quality import reward_quality
 from relm_irl_jax.rewards.settings import ElmSettings, IrlSettings, ManualSettings
 from relm_irl_jax.tasks import Target, TaskSettings, draw_split
 from relm_irl_jax.world import build_targets, build_world
+
+
+def test_reward_features_do_not_depend_on_the_number_of_threads():
+    """Nor on what else limits them: jobs of a study have one thread each. These sizes differ in the last bits."""
+    generator = np.random.default_rng(0)
+    scene = replace(grid_scene(15, 15), features=generator.normal(size=(900, 300)).astype(np.float32))
+    one, two = (fit_in_threads(scene, threads) for threads in (1, 2))
+    np.testing.assert_array_equal(one.components, two.components)
+
+
+def fit_in_threads(scene, threads):
+    with threadpool_limits(threads):
+        return fit_basis([scene], 64)
 
 
 def corridor_rewards(model, actions=(0, 1, 0)):

@@ -12,9 +12,11 @@ from relm_irl_jax import hardware, pipeline
 from relm_irl_jax.config import Config
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.features.encoder import Encoder
-from relm_irl_jax.scenes import scene_file, selection
+from relm_irl_jax.scenes import mapped_copy, scene_file, selection
+from relm_irl_jax.scenes.mapped_copy import map_copy
 from relm_irl_jax.scenes.scene_file import load_scene, save_scene
 from relm_irl_jax.stages import encoding
+from relm_irl_jax.stages.make_agent import check_scenes
 from relm_irl_jax.stages.memory import check_goals_memory, check_memory, estimates
 
 CONFIG = Config()
@@ -63,6 +65,17 @@ def test_a_large_scene_is_refused_for_agents_that_learn_from_goals(monkeypatch):
     check_goals_memory(CONFIG, scenes)
 
 
+@pytest.mark.parametrize("changes", [{"weights": "train"}, {"weights": "package", "memory": "filled"}])
+def test_a_scene_wider_than_the_map_is_refused_before_its_views_are_read(changes, monkeypatch, tmp_path):
+    scenes = [grid_scene(17, 1), grid_scene(18, 1, name="bathroom-1")]
+    config = replace(CONFIG, agent="map", methods=("rl",), scenes=str(tmp_path), map=replace(CONFIG.map, **changes))
+    with pytest.raises(InputError, match="bathroom-1: 18 places along one side; the mapping agent's map holds 17"):
+        check_scenes(config, scenes)
+    check_scenes(config, scenes[:1])
+    check_scenes(replace(config, agent="metric"), scenes)
+    check_scenes(replace(config, map=replace(CONFIG.map, weights="package")), scenes)
+
+
 def test_a_scene_that_does_not_fit_is_refused(tmp_path, monkeypatch):
     scene = replace(grid_scene(2, 2), observation=np.zeros((16, 20, 20, 3), np.uint8))
     save_scene(scene, tmp_path / "a.h5")
@@ -102,7 +115,7 @@ def test_the_views_of_one_scene_at_a_time_are_in_memory(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("layout", [{}, {"compression": "gzip"}, {"dtype": np.int64}, {"dtype": np.float32}])
-def test_a_large_table_of_distances_stays_in_its_file(tmp_path, monkeypatch, layout):
+def test_a_large_table_of_distances_stays_in_a_file_of_its_own(tmp_path, monkeypatch, layout):
     scene = replace(grid_scene(3, 2), features=None)
     save_scene(scene, tmp_path / "a.h5")
     with h5py.File(tmp_path / "a.h5", "r+") as file:
@@ -114,9 +127,26 @@ def test_a_large_table_of_distances_stays_in_its_file(tmp_path, monkeypatch, lay
     assert isinstance(found.shortest_path_distance, np.memmap) == (not layout)
     assert found.shortest_path_distance.dtype == np.int32
     assert (found.shortest_path_distance == scene.shortest_path_distance).all()
-    # A file written anew does not change a scene that is in use.
-    save_scene(grid_scene(3, 2), tmp_path / "a.h5")
-    assert (found.reachable == scene.reachable).all()
+    if layout:
+        return
+    again = load_scene(tmp_path / "a.h5", views=False)
+    assert again.shortest_path_distance is found.shortest_path_distance
+    # A file written anew, or overwritten in place by anything, does not change a scene that is in use.
+    save_scene(grid_scene(2, 3), tmp_path / "a.h5")
+    assert not (load_scene(tmp_path / "a.h5", views=False).shortest_path_distance == scene.shortest_path_distance).all()
+    (tmp_path / "a.h5").write_bytes(b"x")
+    assert (found.shortest_path_distance == scene.shortest_path_distance).all()
+
+
+def test_a_copy_without_room_is_refused(tmp_path, monkeypatch):
+    (tmp_path / "table").write_bytes(bytes(64))
+    assert map_copy(tmp_path / "table", 0, (4, 4)).sum() == 0
+    with pytest.raises(InputError, match="table: became shorter"):
+        map_copy(tmp_path / "table", 32, (4, 4))
+    (tmp_path / "full").write_bytes(b"")
+    monkeypatch.setattr(mapped_copy, "cache_folder", lambda: tmp_path / "full")
+    with pytest.raises(InputError, match=r"full: no room for a copy of the distances of .*table"):
+        map_copy(tmp_path / "table", 0, (4, 4))
 
 
 def test_where_the_system_says_nothing_nothing_is_refused(monkeypatch):

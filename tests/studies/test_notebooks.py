@@ -58,6 +58,11 @@ def test_names_are_documented(path):
                     assert alias.name in {name.rpartition(".")[2] for name in known}, f"{node.module}.{alias.name}"
 
 
+def test_the_learning_curve_is_shown():
+    shown = [output.get("data", {}) for cell in code_cells(NOTEBOOKS[3]) for output in cell["outputs"]]
+    assert "image/png" in {kind for data in shown for kind in data}
+
+
 def test_an_own_reward_takes_twelve_lines_from_one_import():
     cells = code_cells(next(path for path in NOTEBOOKS if path.stem == "4-own-reward"))
     lines = [line for cell in cells for line in source_of(cell).splitlines() if line.strip()]

@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 from run_folders import draw_nothing, write_run
 
-from relm_irl_jax.config import Config, config_to_dict, read_fields
+from relm_irl_jax.config import Config, config_to_dict, read_fields, trained_part
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.files import write_json, write_table
+from relm_irl_jax.files import write_bytes, write_json, write_table
 from relm_irl_jax.results import TASKS, ResultRow, Results, RewardQualityRow, save_results, save_reward_quality
 from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.studies.ablation import (
@@ -19,6 +19,7 @@ from relm_irl_jax.studies.ablation import (
     ablation_rows,
     ablation_table,
     load_ablation,
+    run_ablation,
     variant_config,
 )
 from relm_irl_jax.studies.page import RUN_TITLES, write_study
@@ -35,9 +36,9 @@ SMALL = Ablation(
 @pytest.mark.parametrize("name", RUN_TITLES)
 def test_the_tables_are_of_all_methods_and_five_seeds(name):
     config = load_preset(PRESETS / f"{name}.toml")
-    agent = "siamese" if name == "siamese" else "metric"
+    agent = "siamese" if name.startswith("siamese") else "metric"
     assert (config.agent, config.seeds, config.evaluation.episodes) == (agent, 5, 1000)
-    assert len(config.chosen_methods()) == 5
+    assert len(config.chosen_methods()) == (4 if name == "siamese-told" else 5)
     quick = load_preset(PRESETS / f"{name}.toml", [PRESETS / "quick.toml"])
     assert (quick.agent, quick.scene.size) == (agent, "tiny")
 
@@ -49,6 +50,8 @@ def test_every_variant_changes_its_base():
         "quick.toml",
         "ablation.toml",
         "irl-methods.toml",
+        "many-rooms.toml",
+        "map.toml",
     }
     for changes in ({}, read_fields(PRESETS / "quick.toml")):
         base = variant_config(ablation, BASE, "siamese", changes, Path("x"))
@@ -58,6 +61,53 @@ def test_every_variant_changes_its_base():
             assert not same or not variant.quick, name
             assert not same or changes, name
             assert config.run == Path("x") / f"siamese-{name}"
+
+
+def test_many_rooms_are_apart_from_those_evaluated_on():
+    many = load_ablation(PRESETS / "many-rooms.toml")
+    for name in (BASE, *many.variants):
+        for agent in ("siamese", "recurrent", "savn"):
+            config = variant_config(many, name, agent, {}, Path("x"))
+            scene = config.scene
+            trained = set(range(scene.first_room, scene.first_room + scene.training_per_type))
+            assert not trained & set(range(2, 5)), name
+            assert scene.first_unseen == 2 or (scene.first_room, scene.training_per_type) == (0, 2)
+            assert config.tasks.training_targets == 10 * 3 * scene.training_per_type
+            source = many.variants[name].trained_by if name != BASE else ""
+            if source:
+                same = trained_part(variant_config(many, source, agent, {}, Path("x")))
+                assert trained_part(config) == same, name
+
+
+def test_a_variant_may_evaluate_the_agents_of_another(tmp_path, monkeypatch):
+    """Which train once: their weights are copied before the other's run, wherever it stands in the list."""
+    ablation = replace(
+        SMALL,
+        variants={
+            "greedy": Variant(
+                "greedy", {"evaluation": {"policy": "greedy"}, "siamese": {"width": 8}}, ("siamese",), trained_by="wide"
+            ),
+            "wide": SMALL.variants["wide"],
+        },
+    )
+    completed = []
+
+    def complete(config, *, tasks, maps):
+        weights = RunFolder(config.run).agent("relm-irl", 0)
+        completed.append((config.run.name, weights.read_text() if weights.exists() else "trained"))
+        write_bytes(weights, config.run.name.encode())
+        write_bytes(RunFolder(config.run).curve("relm-irl", 0), b"")
+
+    monkeypatch.setattr("relm_irl_jax.studies.ablation.complete_run", complete)
+    run_ablation(ablation, ["greedy", "wide"], {}, tmp_path)
+    assert completed == [
+        ("siamese-base", "trained"),
+        ("siamese-wide", "trained"),
+        ("siamese-greedy", "siamese-wide"),
+    ]
+    differing = replace(ablation.variants["greedy"], trained_by=BASE)
+    with pytest.raises(InputError, match=r"siamese-greedy: differs from .*siamese-base in more than its evaluation"):
+        run_ablation(replace(ablation, variants={"greedy": differing}), ["greedy"], {}, tmp_path)
 
 
 def test_faults_are_named(tmp_path):

@@ -3,9 +3,10 @@
     z(x)   = ReLU(x W + b)                       shared by current and target view
     u      = ReLU(z(s) U + z(g) V + e E + c)     fusion; e says which action was taken last, and whether it collided
     m'     = GRU(m, u G + g)   or   LSTM(m, u G + g)
-    k      = ReLU(m' H_i + d_i)                  layer of head i, one for each room type or scene
+    k      = ReLU((m' + u) H_i + d_i)            layer of head i, one for each room type or scene
     logits = k P_i + p_i,   value = k q_i + r_i
 
+The head sees u beside the memory: without it, nothing can be learned before the memory has learned to hand it on.
 Only the memory m depends on earlier steps. The layers below it are computed for all steps of a rollout in a few large
 products, the layers above it likewise; learning goes through time in the product m R alone.
 """
@@ -139,7 +140,7 @@ class RecurrentActorCritic(nn.Module):
             Action logits and values.
         """
         inputs = self.inputs(self.tables(features, target_state, every_state=False), seen)
-        return self.outputs(self.step(self.initial(seen.view.shape), inputs).hidden, head)
+        return self.outputs(self.recall(self.step(self.initial(seen.view.shape), inputs), inputs), head)
 
     def initial(self, shape: tuple[int, ...]) -> Recurrent:
         """The recurrent state at the start of episodes.
@@ -179,7 +180,7 @@ class RecurrentActorCritic(nn.Module):
             seen: what is observed; fields are [groups, batch].
 
         Returns:
-            u G + g, the cell's inputs.
+            The cell's inputs u G + g, and u.
         """
         if tables.state is not None:
             half = tables.state[seen.view]
@@ -189,7 +190,8 @@ class RecurrentActorCritic(nn.Module):
         number = 2 * seen.last_action + seen.collided.astype(jnp.int32)  # negative, and nothing, for `NO_ACTION`
         # Rows in one axis: the gradient of a product over two axes at once is slow.
         event = jax.nn.one_hot(number.reshape(-1), EVENTS, dtype=half.dtype) @ self.event
-        return self.input(nn.relu(half + tables.target[seen.target] + event.reshape(half.shape)))
+        fusion = nn.relu(half + tables.target[seen.target] + event.reshape(half.shape))
+        return jnp.concatenate([self.input(fusion), fusion], -1)
 
     def step(self, before: Recurrent, inputs: Float[Array, "groups batch gates"]) -> Recurrent:
         """One step of the memory.
@@ -201,7 +203,7 @@ class RecurrentActorCritic(nn.Module):
         Returns:
             The recurrent state after the step.
         """
-        recurrent = before.hidden @ self.recurrent_kernel
+        recurrent, inputs = before.hidden @ self.recurrent_kernel, inputs[..., : -self.memory]
         if self.cell == "lstm":
             assert before.cell is not None
             enter, keep, out, candidate = jnp.split(inputs + recurrent, 4, -1)
@@ -212,11 +214,25 @@ class RecurrentActorCritic(nn.Module):
         candidate = jnp.tanh(enters[2] + reset * (recurs[2] + self.candidate_bias))
         return Recurrent((1.0 - keep) * candidate + keep * before.hidden, None)
 
+    def recall(
+        self, after: Recurrent, inputs: Float[Array, "*time groups batch gates"]
+    ) -> Float[Array, "*time groups batch memory"]:
+        """What the heads are given: the memory, and the fusion layer beside it.
+
+        Args:
+            after: the recurrent state after the step.
+            inputs: the cell's inputs, with the fusion layer.
+
+        Returns:
+            m' + u.
+        """
+        return after.hidden + inputs[..., -self.memory :]
+
     def outputs(self, hidden: Float[Array, "groups batch memory"], head: Int32[Array, "groups"]) -> Outputs:
         """The layers above the memory.
 
         Args:
-            hidden: output of the cell.
+            hidden: what `recall` returns.
             head: head of each group.
 
         Returns:

@@ -48,6 +48,6 @@ class RecurrentPolicy:
         network, seen = self.network, observe(memory, observation, target)
         inputs = cell_inputs(network, self.parameters, self.tables, seen)
         recurrent = remember(network, self.parameters, memory.recurrent, inputs)
-        logits = heads_outputs(network, self.parameters, recurrent.hidden, self.head).logits
+        logits = heads_outputs(network, self.parameters, network.recall(recurrent, inputs), self.head).logits
         action = choose_action(key, logits, self.greedy)
         return EpisodeMemory(recurrent, action), action

@@ -132,7 +132,7 @@ def heads_outputs(
     Args:
         network: the network. Static.
         parameters: θ.
-        hidden: outputs of the cell.
+        hidden: what `RecurrentActorCritic.recall` returns.
         head: head of each group.
 
     Returns:
@@ -162,7 +162,7 @@ def unroll(
     inputs: Float[Array, "time groups batch gates"],
     starts: Bool[Array, "time groups batch"],
 ) -> Float[Array, "time groups batch memory"]:
-    """The memory along the steps of a rollout.
+    """What the heads are given along the steps of a rollout.
 
     Args:
         network: the network. Static.
@@ -172,14 +172,14 @@ def unroll(
         starts: whether an episode starts with the step, so that nothing is remembered.
 
     Returns:
-        Outputs of the cell after each step.
+        What the heads are given in each step; see `RecurrentActorCritic.recall`.
     """
     empty = network.initial(starts.shape[1:])
 
     def advance(before: Recurrent, step: tuple[Array, Array]) -> tuple[Recurrent, Array]:
         inputs, starts = step
         after = remember(network, parameters, env.select(starts, empty, before), inputs)
-        return after, after.hidden
+        return after, network.recall(after, inputs)
 
     return jax.lax.scan(advance, first, (inputs, starts))[1]
 

@@ -153,7 +153,7 @@ def collect(
     def look(before: Recurrent, seen: Seen) -> tuple[Array, Recurrent, Outputs]:
         inputs = cell_inputs(network, theta, tables, seen)
         after = remember(network, theta, before, inputs)
-        return inputs, after, heads_outputs(network, theta, after.hidden, heads)
+        return inputs, after, heads_outputs(network, theta, network.recall(after, inputs), heads)
 
     def act(
         key: PRNGKeyArray, memory: EpisodeMemory, observation: Observation, target: Array

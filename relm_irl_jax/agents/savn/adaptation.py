@@ -4,9 +4,9 @@ Each episode has a change Δ of some of the network's weights, 0 at its start. A
 
     ℓ = ‖ leaky ReLU( Σ_k [m_k, π_k] F_k + f ) ‖,     Δ ← Δ − α ∂ℓ/∂Δ
 
-where m_k are the last K outputs of the memory, and π_k the policy in these steps under the current weights. ℓ is the
-interaction loss: F and f are learned, no reward enters. The meta-gradient differentiates the loss of all later actions
-with respect to θ, F and f through these steps; it is what teaches F to be a loss whose descent helps.
+where m_k is what the head was given in the last K steps, and π_k the policy in these steps under the current weights. ℓ
+is the interaction loss: F and f are learned, no reward enters. The meta-gradient differentiates the loss of all later
+actions with respect to θ, F and f through these steps; it is what teaches F to be a loss whose descent helps.
 
 Δ belongs to the policy alone. The value is a baseline, which may stay as it is.
 
@@ -81,7 +81,7 @@ class Window:
     """Consecutive steps of all episodes.
 
     Attributes:
-        hidden: outputs of the memory.
+        hidden: what the heads are given.
         below: the head's hidden layer before its ReLU, with unchanged weights.
     """
 
@@ -147,7 +147,7 @@ def interaction_loss(
 
     Args:
         interaction: F and f.
-        hidden: outputs of the memory in the last K steps.
+        hidden: what the heads were given in the last K steps.
         policy: probabilities of the actions in these steps.
 
     Returns:

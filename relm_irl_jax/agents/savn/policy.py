@@ -21,7 +21,7 @@ class SearchMemory:
 
     Attributes:
         worker: the memory of the recurrent network, and how its weights changed.
-        last: the last K outputs of the recurrent memory, the latest last.
+        last: what the heads were given in the last K steps, the latest last.
         steps: number of actions taken.
     """
 
@@ -63,9 +63,10 @@ class SavnPolicy:
         network, theta, worker = self.network, self.parameters, memory.worker
         inputs = cell_inputs(network, theta, self.tables, observe(worker.episode, observation, target))
         recurrent = remember(network, theta, worker.episode.recurrent, inputs)
-        step = Window(recurrent.hidden, hidden_layer(theta, recurrent.hidden, self.head))
+        recalled = network.recall(recurrent, inputs)
+        step = Window(recalled, hidden_layer(theta, recalled, self.head))
         action = choose_action(key, policy_logits(theta, step, worker.change, self.head), self.greedy)
-        last = jnp.concatenate([memory.last[..., 1:, :], recurrent.hidden[..., None, :]], -2)
+        last = jnp.concatenate([memory.last[..., 1:, :], recalled[..., None, :]], -2)
         steps = memory.steps + 1
         due = (steps % self.adaptation.interval == 0) & (worker.changes < self.adaptation.inner_steps)
         hidden = jnp.moveaxis(last, -2, 0)

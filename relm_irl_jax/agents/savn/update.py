@@ -106,13 +106,13 @@ def worker_memory(network: RecurrentActorCritic, adaptation: Adaptation, shape: 
 
 
 def hidden_layer(
-    parameters: Parameters, hidden: Float[Array, "groups batch memory"], head: Int32[Array, "groups"]
-) -> Float[Array, "groups batch memory"]:
+    parameters: Parameters, hidden: Float[Array, "*time groups batch memory"], head: Int32[Array, "groups"]
+) -> Float[Array, "*time groups batch memory"]:
     """The head's hidden layer before its ReLU, with unchanged weights.
 
     Args:
         parameters: θ.
-        hidden: outputs of the memory.
+        hidden: what the heads are given.
         head: head of each group.
 
     Returns:
@@ -166,14 +166,15 @@ def collect(
     def look(before: Recurrent, seen: Seen) -> tuple[Array, Recurrent, Array]:
         inputs = cell_inputs(network, theta, tables, seen)
         after = remember(network, theta, before, inputs)
-        return inputs, after, heads_outputs(network, theta, after.hidden, heads).value
+        return inputs, after, heads_outputs(network, theta, network.recall(after, inputs), heads).value
 
     def act(
         key: PRNGKeyArray, memory: AdaptiveMemory, observation: Observation, target: Array
     ) -> tuple[AdaptiveMemory, Array, StepRecord]:
         seen = observe(memory.episode, observation, target)
         inputs, after, value = look(memory.episode.recurrent, seen)
-        step = Window(after.hidden, hidden_layer(theta, after.hidden, heads))
+        recalled = network.recall(after, inputs)
+        step = Window(recalled, hidden_layer(theta, recalled, heads))
         action = sample_action(key, policy_logits(theta, step, memory.change, heads))
         memory = AdaptiveMemory(EpisodeMemory(after, action), memory.change, memory.changes)
         return memory, action, StepRecord(seen, inputs, after, value)
@@ -182,7 +183,8 @@ def collect(
 
     def window(workers: Workers, key: PRNGKeyArray) -> tuple[Workers, tuple[Experience, Array, EpisodeSums]]:
         workers, experience, sums = rollout(key, act, workers, task, empty, interval)
-        memory, hidden = workers.memory, experience.output.recurrent.hidden
+        memory, record = workers.memory, experience.output
+        hidden = network.recall(record.recurrent, record.inputs)
         due = ~ends(experience).any(0) & (memory.changes < adaptation.inner_steps)
         seen = Window(hidden, hidden_layer(theta, hidden, heads))
         change = adapt_where(due, theta, seen, memory.change, heads, adaptation)

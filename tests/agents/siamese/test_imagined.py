@@ -35,6 +35,11 @@ SETTINGS = dataclasses.replace(SMALL, imagine="told", targets_at_once=2, workers
 SPLIT = TaskSplit((Target(0, 3), Target(1, 20)), (Target(0, 5),), (Target(1, 7),), ())
 STATES = [np.array([3, *range(5), *range(6, 16)]), np.array([20, *range(7), *range(8, 20), 21, 22, 23])]
 
+# Step by step, each of their operations would be compiled alone.
+drawing = jax.jit(draw_targets)
+walking = jax.jit(walk, static_argnums=4)
+tabulated = jax.jit(evaluate_drawn, static_argnums=0)
+
 
 def imagining(**changes):
     """The two small rooms with a constant cost of 1 for a step."""
@@ -93,11 +98,16 @@ def test_targets_are_drawn_among_the_given_and_all(prepared):
 def test_the_table_of_pairs_is_the_network(prepared):
     state, inputs, form = prepared
     targets = jnp.asarray([[3, 8], [20, 5]], jnp.int32)
-    table = evaluate_drawn(form.network, state.parameters, inputs.world, inputs.pairs, targets)
+    table = tabulated(form.network, state.parameters, inputs.world, inputs.pairs, targets)
     given = build_targets(two_rooms(), [Target(0, 3), Target(0, 8), Target(1, 20), Target(1, 5)])
-    tables = tabulate(form.network, state.parameters, inputs.world, given)
     views, rows = jnp.asarray([[[7]], [[30]]], jnp.int32), jnp.asarray([[1], [2]], jnp.int32)
-    expected = evaluate(form.network, state.parameters, tables, views, rows, jnp.arange(2))
+
+    @jax.jit
+    def by_tables(parameters):
+        tables = tabulate(form.network, parameters, inputs.world, given)
+        return evaluate(form.network, parameters, tables, views, rows, jnp.arange(2))
+
+    expected = by_tables(state.parameters)
     index = jnp.asarray([7 * 2 + 1, 30 * 2 + 0])
     np.testing.assert_allclose(table.logits[index], expected.logits[:, 0], atol=1e-6)
     np.testing.assert_allclose(table.value[index], expected.value[:, 0], atol=1e-6)
@@ -105,8 +115,8 @@ def test_the_table_of_pairs_is_the_network(prepared):
 
 def test_near_starts_are_a_few_actions_from_the_target(prepared):
     _, inputs, _ = prepared
-    drawn = draw_targets(jax.random.key(1), inputs.pairs, inputs.targets, inputs.given_share)
-    near = np.asarray(near_starts(jax.random.key(2), inputs, drawn))
+    drawn = drawing(jax.random.key(1), inputs.pairs, inputs.targets, inputs.given_share)
+    near = np.asarray(jax.jit(near_starts)(jax.random.key(2), inputs, drawn))
     np.testing.assert_array_equal(near % 2, np.asarray(inputs.pairs.worker_first) % 2)
     np.testing.assert_array_equal(near < 32, np.asarray(inputs.pairs.worker_first) < 32)
     assert LONGEST_WALK >= 1
@@ -118,8 +128,8 @@ def test_only_agents_that_are_told_stop_at_targets(prepared, told):
     inputs = dataclasses.replace(
         inputs, targets=dataclasses.replace(inputs.targets, told=jnp.asarray(told), collision=jnp.float32(-3.0))
     )
-    drawn = draw_targets(jax.random.key(1), inputs.pairs, inputs.targets, inputs.given_share)
-    steps = walk(jax.random.key(2), jnp.zeros((80, 4)), inputs, drawn, 60)
+    drawn = drawing(jax.random.key(1), inputs.pairs, inputs.targets, inputs.given_share)
+    steps = walking(jax.random.key(2), jnp.zeros((80, 4)), inputs, drawn, 60)
     reached = np.asarray(drawn.arrived)[steps.next_pair]
     assert reached.any()
     np.testing.assert_array_equal(steps.terminated, reached & told)
@@ -165,8 +175,8 @@ def test_the_loss_of_pairs_is_that_of_steps():
         entropy = -(jnp.exp(log_policy) * log_policy).sum(-1)
         return (-chosen * jax.lax.stop_gradient(delta) + 0.3 * delta**2 - 0.1 * entropy).mean()
 
-    own = jax.grad(lambda out: loss_of_pairs(out, steps, returns, weights()))(outputs)
-    expected = jax.grad(of_steps)(outputs)
+    own = jax.jit(jax.grad(lambda out: loss_of_pairs(out, steps, returns, weights())))(outputs)
+    expected = jax.jit(jax.grad(of_steps))(outputs)
     np.testing.assert_allclose(own.logits, expected.logits, atol=1e-6)
     np.testing.assert_allclose(own.value, expected.value, atol=1e-6)
 
@@ -175,7 +185,7 @@ def test_initial_values_are_distances():
     settings = dataclasses.replace(SETTINGS, initialisation="distance", width=16)
     state, inputs, form = prepare_imagined(jax.random.key(0), imagining(), settings)
     targets = jnp.asarray([[3, 8], [20, 5]], jnp.int32)
-    value = np.asarray(evaluate_drawn(form.network, state.parameters, inputs.world, inputs.pairs, targets).value)
+    value = np.asarray(tabulated(form.network, state.parameters, inputs.world, inputs.pairs, targets).value)
     at_target = [3 * 2, 8 * 2 + 1, 32 + 20 * 2, 32 + 5 * 2 + 1]
     np.testing.assert_allclose(value[at_target], 0.0, atol=1e-6)
     assert (np.delete(value, at_target) < 0).all()
