@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from references import curve_by_refits, leave_out
 from sklearn.linear_model import RidgeCV
@@ -101,6 +101,8 @@ def test_any_shape_and_rank(samples, columns, outputs, rank, ridge, intercept, s
     rng = np.random.default_rng(seed)
     rank = min(rank, samples, columns)
     H = rng.standard_normal((samples, rank)) @ rng.standard_normal((rank, columns))
+    # Which columns depend on earlier ones is a matter of rounding where those are nearly dependent themselves.
+    assume(np.linalg.cond(H[:, :rank]) < 1e3)
     T = rng.standard_normal((samples, outputs))
     curve = press_curve(H, T, ridge, intercept=intercept)
     usable = columns if ridge else min(columns, samples - 1 - intercept)
