@@ -19,7 +19,7 @@ from relm_irl_jax.scenes.scene import HEADINGS, Scene
 SHORTEST_PATH = "shortest-path"
 """Name of the true distances in a map of distances."""
 
-_FIELDS = "fields"
+FIELDS = "fields"
 """Metadata key of all values that are not arrays, as JSON."""
 
 _VALUES = "values/"
@@ -123,7 +123,7 @@ def save_map(path: Path, saved: StateMap) -> None:
     }
     arrays = {f"{_VALUES}{name}": values for name, values in saved.values.items()}
     arrays |= {"location": saved.poses.location, "rotation": saved.poses.rotation}
-    save_arrays(path, arrays, {_FIELDS: json.dumps(fields)})
+    save_arrays(path, arrays, {FIELDS: json.dumps(fields)})
 
 
 def load_map(path: Path) -> StateMap:
@@ -141,7 +141,7 @@ def load_map(path: Path) -> StateMap:
 
     def build(arrays: Mapping[str, np.ndarray], fields: dict[str, Any]) -> StateMap:
         return StateMap(
-            poses=_poses(arrays, fields),
+            poses=load_poses(arrays, fields),
             seed=int(fields["seed"]),
             target=int(fields["target"]),
             category=str(fields["category"]),
@@ -150,7 +150,7 @@ def load_map(path: Path) -> StateMap:
             limits=None if fields["limits"] is None else (float(fields["limits"][0]), float(fields["limits"][1])),
         )
 
-    return _load(path, build)
+    return load_saved(path, build)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -211,7 +211,7 @@ def save_episodes(path: Path, episodes: Sequence[SavedEpisode]) -> None:
         }
         texts = {"scene": poses.name, "room_type": poses.room_type, "method": episode.method}
         fields.append({**texts, "seed": episode.seed, "target": episode.target, "category": episode.category})
-    save_arrays(path, arrays, {_FIELDS: json.dumps(fields)})
+    save_arrays(path, arrays, {FIELDS: json.dumps(fields)})
 
 
 def load_episodes(path: Path) -> list[SavedEpisode]:
@@ -230,7 +230,7 @@ def load_episodes(path: Path) -> list[SavedEpisode]:
     def build(arrays: Mapping[str, np.ndarray], fields: list[dict[str, Any]]) -> list[SavedEpisode]:
         return [
             SavedEpisode(
-                poses=_poses(arrays, episode, f"{number}/"),
+                poses=load_poses(arrays, episode, f"{number}/"),
                 method=str(episode["method"]),
                 seed=int(episode["seed"]),
                 target=int(episode["target"]),
@@ -242,19 +242,40 @@ def load_episodes(path: Path) -> list[SavedEpisode]:
             for number, episode in enumerate(fields)
         ]
 
-    return _load(path, build)
+    return load_saved(path, build)
 
 
-def _poses(arrays: Mapping[str, np.ndarray], fields: Mapping[str, Any], prefix: str = "") -> ScenePoses:
+def load_poses(arrays: Mapping[str, np.ndarray], fields: Mapping[str, Any], prefix: str = "") -> ScenePoses:
+    """Poses of a scene from a file's contents.
+
+    Args:
+        arrays: the file's arrays.
+        fields: the fields of what was saved, with the scene's name and room type.
+        prefix: what the names of the arrays begin with.
+
+    Returns:
+        The poses.
+    """
     location, rotation = (arrays[prefix + name].astype(np.float64) for name in ("location", "rotation"))
     return ScenePoses(str(fields["scene"]), str(fields["room_type"]), location, rotation)
 
 
-def _load(path: Path, build: Callable[[Mapping[str, np.ndarray], Any], Saved]) -> Saved:
-    """Read a file and build an object from its contents; raises InputError if the contents are damaged."""
+def load_saved(path: Path, build: Callable[[Mapping[str, np.ndarray], Any], Saved]) -> Saved:
+    """Read a file of arrays and fields, and build an object from them.
+
+    Args:
+        path: the file.
+        build: makes the object from the arrays and the fields.
+
+    Returns:
+        The object.
+
+    Raises:
+        InputError: the file is missing or damaged.
+    """
     arrays, metadata = load_arrays_and_metadata(path)
     try:
-        return build(arrays, json.loads(metadata[_FIELDS]))
+        return build(arrays, json.loads(metadata[FIELDS]))
     except KeyError as error:
         raise InputError(f"{path}: {error} is missing; remove the file and run `relm-irl evaluate` again.") from error
     except (TypeError, ValueError, IndexError, OverflowError) as error:

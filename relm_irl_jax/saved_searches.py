@@ -1,19 +1,17 @@
 """Searches of an agent for a target: what it believed at some moments of an episode, laid over the true room."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float32, Float64, Int32, UInt8
 
-from relm_irl_jax.errors import InputError, first_line
-from relm_irl_jax.files import load_arrays_and_metadata, save_arrays
-from relm_irl_jax.saved_maps import ScenePoses
-
-_FIELDS = "fields"
-"""Metadata key of all values that are not arrays, as JSON."""
+from relm_irl_jax.errors import InputError
+from relm_irl_jax.files import save_arrays
+from relm_irl_jax.saved_maps import FIELDS, ScenePoses, load_poses, load_saved
 
 _ARRAYS = ("path", "steps", "origin", "probability", "free", "coverage", "views", "target_view")
 
@@ -92,7 +90,7 @@ def save_searches(path: Path, searches: Sequence[SavedSearch]) -> None:
         arrays |= {f"{number}/location": search.poses.location, f"{number}/rotation": search.poses.rotation}
         texts = {"scene": search.poses.name, "room_type": search.poses.room_type, "method": search.method}
         fields.append({**texts, "seed": search.seed, "target": search.target, "category": search.category})
-    save_arrays(path, arrays, {_FIELDS: json.dumps(fields)})
+    save_arrays(path, arrays, {FIELDS: json.dumps(fields)})
 
 
 def load_searches(path: Path) -> list[SavedSearch]:
@@ -107,25 +105,18 @@ def load_searches(path: Path) -> list[SavedSearch]:
     Raises:
         InputError: the file is missing or damaged.
     """
-    arrays, metadata = load_arrays_and_metadata(path)
-    try:
+
+    def build(arrays: Mapping[str, np.ndarray], fields: list[dict[str, Any]]) -> list[SavedSearch]:
         return [
             SavedSearch(
-                poses=ScenePoses(
-                    str(fields["scene"]),
-                    str(fields["room_type"]),
-                    arrays[f"{number}/location"].astype(np.float64),
-                    arrays[f"{number}/rotation"].astype(np.float64),
-                ),
-                method=str(fields["method"]),
-                seed=int(fields["seed"]),
-                target=int(fields["target"]),
-                category=str(fields["category"]),
+                poses=load_poses(arrays, search, f"{number}/"),
+                method=str(search["method"]),
+                seed=int(search["seed"]),
+                target=int(search["target"]),
+                category=str(search["category"]),
                 **{name: arrays[f"{number}/{name}"] for name in _ARRAYS},
             )
-            for number, fields in enumerate(json.loads(metadata[_FIELDS]))
+            for number, search in enumerate(fields)
         ]
-    except KeyError as error:
-        raise InputError(f"{path}: {error} is missing; remove the file and run `relm-irl evaluate` again.") from error
-    except (TypeError, ValueError, IndexError, OverflowError) as error:
-        raise InputError(f"{path}: {first_line(error)}; remove the file and run `relm-irl evaluate` again.") from error
+
+    return load_saved(path, build)

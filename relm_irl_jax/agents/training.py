@@ -10,9 +10,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import optax
-from jaxtyping import Float64
+from jaxtyping import Float64, PRNGKeyArray
 
-from relm_irl_jax.agents.rollout import EpisodeSums
+from relm_irl_jax.agents.rollout import EpisodeSums, Workers
 from relm_irl_jax.errors import DivergenceError
 from relm_irl_jax.types import Parameters, Row, State, TrainingLog
 
@@ -42,6 +42,24 @@ class LearningCurve:
     path_length_error: Float64[np.ndarray, "chunks"]
     spl: Float64[np.ndarray, "chunks"]
     reward: Float64[np.ndarray, "chunks"]
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class TrainState:
+    """The state of an actor-critic's training between updates.
+
+    Attributes:
+        parameters: θ, the network's parameters.
+        optimizer: the optimiser's state.
+        workers: the workers; fields are [groups, batch].
+        key: source of the remaining randomness.
+    """
+
+    parameters: Parameters
+    optimizer: optax.OptState
+    workers: Workers
+    key: PRNGKeyArray
 
 
 @dataclass(frozen=True)
@@ -195,3 +213,20 @@ def apply_gradient(
     with jax.numpy_dtype_promotion("standard"):  # Adam raises a float to the power of an integer count
         change, state = optimizer.update(gradient, state, parameters)
     return cast(Parameters, optax.apply_updates(parameters, change)), state
+
+
+def repeat_updates(
+    update: Callable[[State], tuple[State, EpisodeSums]], state: State, updates: int
+) -> tuple[State, EpisodeSums]:
+    """Several updates one after the other, to be compiled as one program.
+
+    Args:
+        update: one update; its next state, and sums over the episodes that ended.
+        state: the state of training.
+        updates: number of updates. Static.
+
+    Returns:
+        The next state of training, and sums over the episodes of all updates.
+    """
+    state, sums = jax.lax.scan(lambda carry, _: update(carry), state, length=updates)
+    return state, jax.tree.map(jnp.sum, sums)

@@ -3,6 +3,8 @@
 import re
 from collections.abc import Collection, Sequence
 
+from relm_irl_jax.results import beside_name
+
 METHOD_NAMES = {
     "random": "Random",
     "bc": "BC",
@@ -11,8 +13,8 @@ METHOD_NAMES = {
     "irl": "IRL",
     "elm-irl": "ELM-IRL",
     "relm-irl": "RELM-IRL",
-    "metric relm-irl": "RELM-IRL, metric agent",
-    "map rl": "Mapping agent, no learned reward",
+    beside_name("metric"): "RELM-IRL, metric agent",
+    beside_name("map"): "Mapping agent, no learned reward",
 }
 """Methods in the order of the tables, then the names of agents beside the run's own."""
 

@@ -10,9 +10,15 @@ from relm_irl_jax.agents.heads import scene_heads
 from relm_irl_jax.agents.recurrent.policy import RecurrentPolicy
 from relm_irl_jax.agents.recurrent.training import init_train_state, make_network, run_updates, update_inputs
 from relm_irl_jax.agents.recurrent.unroll import tabulate
-from relm_irl_jax.agents.recurrent.update import TrainState
 from relm_irl_jax.agents.settings import RecurrentSettings
-from relm_irl_jax.agents.training import LearningCurve, curve_from_rows, learning_row, run_chunks, split_into_chunks
+from relm_irl_jax.agents.training import (
+    LearningCurve,
+    TrainState,
+    curve_from_rows,
+    learning_row,
+    run_chunks,
+    split_into_chunks,
+)
 from relm_irl_jax.types import Parameters, Requirement, TrainingLog, TrainingProblem
 from relm_irl_jax.world import Targets, World
 

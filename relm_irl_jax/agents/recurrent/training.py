@@ -11,9 +11,10 @@ from relm_irl_jax.agents.actor_critic import LossWeights
 from relm_irl_jax.agents.heads import scene_heads, worker_target_ranges
 from relm_irl_jax.agents.recurrent.network import NO_ACTION, RecurrentActorCritic, Seen
 from relm_irl_jax.agents.recurrent.unroll import initial_memory
-from relm_irl_jax.agents.recurrent.update import OptimizerNumbers, TrainState, UpdateInputs, make_optimizer, update
+from relm_irl_jax.agents.recurrent.update import OptimizerNumbers, UpdateInputs, make_optimizer, update
 from relm_irl_jax.agents.rollout import EpisodeSums, NavigationTask, init_workers
 from relm_irl_jax.agents.settings import RecurrentSettings
+from relm_irl_jax.agents.training import TrainState, repeat_updates
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.types import Parameters, TrainingProblem
 from relm_irl_jax.world import World
@@ -113,9 +114,4 @@ def run_updates(
     Returns:
         The next state of training, and sums over the episodes that ended.
     """
-
-    def step(carry: TrainState, _: None) -> tuple[TrainState, EpisodeSums]:
-        return update(carry, inputs, network, t_max)
-
-    state, sums = jax.lax.scan(step, state, length=updates)
-    return state, jax.tree.map(jnp.sum, sums)
+    return repeat_updates(lambda carry: update(carry, inputs, network, t_max), state, updates)

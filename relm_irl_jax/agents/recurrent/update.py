@@ -28,7 +28,7 @@ from relm_irl_jax.agents.recurrent.unroll import (
     unroll,
 )
 from relm_irl_jax.agents.rollout import EpisodeSums, Experience, NavigationTask, Workers, rollout, sample_action
-from relm_irl_jax.agents.training import apply_gradient
+from relm_irl_jax.agents.training import TrainState, apply_gradient
 from relm_irl_jax.types import Observation, Parameters
 
 
@@ -60,24 +60,6 @@ class UpdateInputs:
     task: NavigationTask
     loss: LossWeights
     optimizer: OptimizerNumbers
-
-
-@jax.tree_util.register_dataclass
-@dataclass(frozen=True)
-class TrainState:
-    """The state of a training between updates.
-
-    Attributes:
-        parameters: θ, the network's parameters.
-        optimizer: the optimiser's state.
-        workers: the workers; fields are [groups, batch].
-        key: source of the remaining randomness.
-    """
-
-    parameters: Parameters
-    optimizer: optax.OptState
-    workers: Workers
-    key: PRNGKeyArray
 
 
 @jax.tree_util.register_dataclass

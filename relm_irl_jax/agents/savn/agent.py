@@ -9,11 +9,17 @@ from jaxtyping import PRNGKeyArray
 from relm_irl_jax.agents.heads import scene_heads
 from relm_irl_jax.agents.recurrent.training import make_network
 from relm_irl_jax.agents.recurrent.unroll import tabulate
-from relm_irl_jax.agents.recurrent.update import TrainState
 from relm_irl_jax.agents.savn.policy import SavnPolicy
 from relm_irl_jax.agents.savn.training import init_train_state, make_adaptation, meta_inputs, run_updates
 from relm_irl_jax.agents.settings import SavnSettings
-from relm_irl_jax.agents.training import LearningCurve, curve_from_rows, learning_row, run_chunks, split_into_chunks
+from relm_irl_jax.agents.training import (
+    LearningCurve,
+    TrainState,
+    curve_from_rows,
+    learning_row,
+    run_chunks,
+    split_into_chunks,
+)
 from relm_irl_jax.types import Parameters, Requirement, TrainingLog, TrainingProblem
 from relm_irl_jax.world import Targets, World
 

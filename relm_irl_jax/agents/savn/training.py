@@ -8,11 +8,12 @@ from jaxtyping import PRNGKeyArray
 
 from relm_irl_jax.agents.recurrent.network import RecurrentActorCritic
 from relm_irl_jax.agents.recurrent.training import init_parameters, update_inputs
-from relm_irl_jax.agents.recurrent.update import TrainState, make_optimizer
+from relm_irl_jax.agents.recurrent.update import make_optimizer
 from relm_irl_jax.agents.rollout import EpisodeSums, init_workers
 from relm_irl_jax.agents.savn.adaptation import INTERACTION, Adaptation, init_interaction
 from relm_irl_jax.agents.savn.update import MetaInputs, update, worker_memory
 from relm_irl_jax.agents.settings import SavnSettings
+from relm_irl_jax.agents.training import TrainState, repeat_updates
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.types import TrainingProblem
 
@@ -93,9 +94,4 @@ def run_updates(
     Returns:
         The next state of training, and sums over the episodes that ended.
     """
-
-    def step(carry: TrainState, _: None) -> tuple[TrainState, EpisodeSums]:
-        return update(carry, inputs, network, windows)
-
-    state, sums = jax.lax.scan(step, state, length=updates)
-    return state, jax.tree.map(jnp.sum, sums)
+    return repeat_updates(lambda carry: update(carry, inputs, network, windows), state, updates)

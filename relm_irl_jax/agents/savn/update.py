@@ -32,13 +32,12 @@ from relm_irl_jax.agents.recurrent.unroll import (
 from relm_irl_jax.agents.recurrent.update import (
     OptimizerNumbers,
     Sequences,
-    TrainState,
     gradient_below,
     make_optimizer,
 )
 from relm_irl_jax.agents.rollout import EpisodeSums, Experience, NavigationTask, Workers, rollout, sample_action
 from relm_irl_jax.agents.savn.adaptation import Adaptation, Change, Window, adapt_where, policy_logits
-from relm_irl_jax.agents.training import apply_gradient
+from relm_irl_jax.agents.training import TrainState, apply_gradient
 from relm_irl_jax.types import Observation, Parameters
 
 

@@ -21,8 +21,14 @@ from relm_irl_jax.agents.siamese.training import (
     scene_heads,
     update_form,
 )
-from relm_irl_jax.agents.siamese.update import TrainState
-from relm_irl_jax.agents.training import LearningCurve, curve_from_rows, learning_row, run_chunks, split_into_chunks
+from relm_irl_jax.agents.training import (
+    LearningCurve,
+    TrainState,
+    curve_from_rows,
+    learning_row,
+    run_chunks,
+    split_into_chunks,
+)
 from relm_irl_jax.types import Parameters, Requirement, TrainingLog, TrainingProblem
 from relm_irl_jax.world import Targets, World
 

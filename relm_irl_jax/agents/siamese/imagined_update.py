@@ -28,7 +28,7 @@ from relm_irl_jax.agents.siamese.imagined_targets import (
     evaluate_drawn,
 )
 from relm_irl_jax.agents.siamese.update import OptimizerNumbers, UpdateForm, make_optimizer
-from relm_irl_jax.agents.training import apply_gradient
+from relm_irl_jax.agents.training import apply_gradient, repeat_updates
 from relm_irl_jax.rewards.imagined import ImaginedTargets
 from relm_irl_jax.types import Parameters
 from relm_irl_jax.world import World
@@ -265,9 +265,4 @@ def run_imagined_updates(
     Returns:
         The next state of training, and sums over the episodes.
     """
-
-    def step(carry: ImaginedState, _: None) -> tuple[ImaginedState, EpisodeSums]:
-        return update_on_imagined(carry, inputs, form)
-
-    state, sums = jax.lax.scan(step, state, length=updates)
-    return state, jax.tree.map(jnp.sum, sums)
+    return repeat_updates(lambda carry: update_on_imagined(carry, inputs, form), state, updates)

@@ -25,8 +25,15 @@ from relm_irl_jax.agents.siamese.training import (
     update_form,
     update_inputs,
 )
-from relm_irl_jax.agents.siamese.update import TrainState, UpdateForm, UpdateInputs
-from relm_irl_jax.agents.training import LearningCurve, curve_from_rows, learning_row, run_chunks, split_into_chunks
+from relm_irl_jax.agents.siamese.update import UpdateForm, UpdateInputs
+from relm_irl_jax.agents.training import (
+    LearningCurve,
+    TrainState,
+    curve_from_rows,
+    learning_row,
+    run_chunks,
+    split_into_chunks,
+)
 from relm_irl_jax.types import Parameters, Row, TrainingLog, TrainingProblem
 
 

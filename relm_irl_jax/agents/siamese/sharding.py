@@ -14,7 +14,8 @@ import jax
 import numpy as np
 from jax.sharding import AxisType, NamedSharding, PartitionSpec
 
-from relm_irl_jax.agents.siamese.update import TrainState, UpdateInputs
+from relm_irl_jax.agents.siamese.update import UpdateInputs
+from relm_irl_jax.agents.training import TrainState
 
 Tree = TypeVar("Tree")
 

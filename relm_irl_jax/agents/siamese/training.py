@@ -16,13 +16,13 @@ from relm_irl_jax.agents.siamese.network import SiameseActorCritic, as_distance
 from relm_irl_jax.agents.siamese.state_target_pairs import StateTargetPairs, state_target_pairs
 from relm_irl_jax.agents.siamese.update import (
     OptimizerNumbers,
-    TrainState,
     UpdateForm,
     UpdateInputs,
     initial_memory,
     make_optimizer,
     update,
 )
+from relm_irl_jax.agents.training import TrainState, repeat_updates
 from relm_irl_jax.env import TargetRange
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.types import Parameters, TrainingProblem
@@ -217,9 +217,4 @@ def run_updates(
     Returns:
         The next state of training, and sums over the episodes that ended.
     """
-
-    def step(carry: TrainState, _: None) -> tuple[TrainState, EpisodeSums]:
-        return update(carry, inputs, form)
-
-    state, sums = jax.lax.scan(step, state, length=updates)
-    return state, jax.tree.map(jnp.sum, sums)
+    return repeat_updates(lambda carry: update(carry, inputs, form), state, updates)

@@ -17,13 +17,13 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Float32, Int32, PRNGKeyArray
 
 from relm_irl_jax.agents.actor_critic import LossWeights, actor_critic_loss
-from relm_irl_jax.agents.rollout import EpisodeSums, NavigationTask, Workers, rollout, sample_action
+from relm_irl_jax.agents.rollout import EpisodeSums, NavigationTask, rollout, sample_action
 from relm_irl_jax.agents.siamese.forward import Evaluation, passes_by_frames, passes_by_pairs
 from relm_irl_jax.agents.siamese.network import SiameseActorCritic
 from relm_irl_jax.agents.siamese.next_values import next_values
 from relm_irl_jax.agents.siamese.state_target_pairs import StateTargetPairs
-from relm_irl_jax.agents.training import apply_gradient
-from relm_irl_jax.types import NO_MEMORY, Memory, Observation, Parameters
+from relm_irl_jax.agents.training import TrainState, apply_gradient
+from relm_irl_jax.types import NO_MEMORY, Memory, Observation
 
 NO_VIEW = -1
 """Entry of the memory for views before the start of the episode."""
@@ -82,24 +82,6 @@ class UpdateInputs:
     loss: LossWeights
     optimizer: OptimizerNumbers
     pairs: StateTargetPairs | None = None
-
-
-@jax.tree_util.register_dataclass
-@dataclass(frozen=True)
-class TrainState:
-    """The state of a training between updates.
-
-    Attributes:
-        parameters: θ, the network's parameters.
-        optimizer: the optimiser's state.
-        workers: the workers; fields are [groups, batch].
-        key: source of the remaining randomness.
-    """
-
-    parameters: Parameters
-    optimizer: optax.OptState
-    workers: Workers
-    key: PRNGKeyArray
 
 
 def make_optimizer(form: UpdateForm, numbers: OptimizerNumbers) -> optax.GradientTransformation:
