@@ -99,9 +99,10 @@ class Child:
             os.environ["XDG_CACHE_HOME"] = str(cache)
             for number, path in ((1, self.folder / "stdout.txt"), (2, self.errors)):
                 os.dup2(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644), number)
-            signal.signal(signal.SIGINT, signal.default_int_handler)
+            signal.signal(signal.SIGINT, signal.SIG_DFL)  # an interrupt ends what is not the package's own code
             announce_stages(writing)
             sys.argv = ["relm-irl", *arguments]
+            signal.signal(signal.SIGINT, signal.default_int_handler)
             relm_irl()
             code = 0
         except SystemExit as stop:
