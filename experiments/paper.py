@@ -1,18 +1,18 @@
 """Every table and figure of the paper, from scratch; what is finished is kept, so that the same command goes on.
 
     make paper                                all pieces, then runs/paper/report.html
-    make paper PIECE=metric                   one of siamese, siamese-told, metric, metric-open, metric-no-hindsight,
-                                              vizdoom, elm, stability, ablation, irl-methods, map, many-rooms,
-                                              report
+    make paper PIECE=metric                   one of siamese, siamese-told, siamese-rooms, metric, metric-open,
+                                              metric-no-hindsight, vizdoom, elm, stability, ablation, irl-methods,
+                                              map, unseen, many-rooms, report
     make paper PIECE=ablation VARIANT=lp      one variant, and the base that it is compared with
     make paper QUICK=1                        the same code on tiny rooms, in runs/paper-quick
     make paper JOBS=4                         four runs at a time, each in a process of its own
 
 Tables 1 to 3 and Figures 6 and 11 are of the pieces `siamese` (the paper's agent) and `metric`, Figures 7 to 10 of
-`elm`. The piece `map` measures the mapping agent in unseen rooms. Two pieces run where they are named: `vizdoom`, whose
-scenes have to be recorded first, and `many-rooms`, which trains on hundreds of rooms. The presets lie in
-experiments/paper. Runs go where joblib's context sends them: a script that calls `main` within `joblib.parallel_config`
-can spread them over a cluster.
+`elm`. The piece `map` measures the mapping agent in unseen rooms. Four pieces run only where they are named:
+`vizdoom`, whose scenes have to be recorded first, and `siamese-rooms`, `unseen` and `many-rooms`, which train on up to
+hundreds of rooms. The presets lie in experiments/paper. Runs go where joblib's context sends them: a script that calls
+`main` within `joblib.parallel_config` can spread them over a cluster.
 """
 
 import sys
@@ -43,6 +43,7 @@ QUICK = PRESETS / "quick.toml"
 Piece = Literal[
     "siamese",
     "siamese-told",
+    "siamese-rooms",
     "metric",
     "metric-open",
     "metric-no-hindsight",
@@ -52,10 +53,17 @@ Piece = Literal[
     "ablation",
     "irl-methods",
     "map",
+    "unseen",
     "many-rooms",
     "report",
 ]
-PIECES: tuple[Piece, ...] = tuple(piece for piece in get_args(Piece) if piece not in ("vizdoom", "many-rooms"))
+NAMED = ("vizdoom", "siamese-rooms", "unseen", "many-rooms")
+"""Pieces that run only where they are named."""
+
+PIECES: tuple[Piece, ...] = tuple(piece for piece in get_args(Piece) if piece not in NAMED)
+
+STUDIES = ("ablation", "irl-methods", "many-rooms", "unseen")
+"""Pieces that consist of a base and variants of it."""
 
 
 @dataclass(frozen=True)
@@ -85,26 +93,22 @@ def main(settings: Paper) -> Path:
     """
     out = settings.out or Path("runs") / ("paper-quick" if settings.quick else "paper")
     overlays = [QUICK] if settings.quick else []
-    ablation = load_ablation(PRESETS / "ablation.toml")
-    methods = load_ablation(PRESETS / "irl-methods.toml")
-    many_rooms = load_ablation(PRESETS / "many-rooms.toml")
-    names = settings.variants or [n for n, v in ablation.variants.items() if v.quick or not settings.quick]
-    unknown = [name for name in names if name not in ablation.variants]
+    studies = {name: load_ablation(PRESETS / f"{name}.toml") for name in STUDIES}
+    known = studies["ablation"].variants
+    unknown = [name for name in settings.variants if name not in known]
     if unknown:
-        raise InputError(f"variants: there is no {unknown[0]}; known variants: {', '.join(ablation.variants)}.")
+        raise InputError(f"variants: there is no {unknown[0]}; known variants: {', '.join(known)}.")
     changes = read_fields(QUICK) if settings.quick else {}
     chosen = [name for name in RUN_TITLES if name in settings.pieces]
     with parallel_config(n_jobs=settings.jobs) if settings.jobs > 1 else nullcontext():
         runs = [replace(load_preset(PRESETS / f"{name}.toml", overlays), run=out / name) for name in chosen]
         complete_runs(runs, complete_run)
-        if "ablation" in settings.pieces:
-            run_ablation(ablation, names, changes, out / "ablation")
-        if "irl-methods" in settings.pieces:
-            quick = [n for n, v in methods.variants.items() if v.quick or not settings.quick]
-            run_ablation(methods, quick, changes, out / "irl-methods")
-        if "many-rooms" in settings.pieces:
-            quick = [n for n, v in many_rooms.variants.items() if v.quick or not settings.quick]
-            run_ablation(many_rooms, quick, changes, out / "many-rooms")
+        for name, study in studies.items():
+            if name in settings.pieces:
+                variants = [n for n, variant in study.variants.items() if variant.quick or not settings.quick]
+                if name == "ablation" and settings.variants:
+                    variants = list(settings.variants)
+                run_ablation(study, variants, changes, out / name)
     config = load_preset(PRESETS / "siamese.toml", overlays)
     if "elm" in settings.pieces:
         sizes = tuple(size for size in PAPER_SIZES if size <= 5 * config.elm.hidden)
@@ -114,11 +118,9 @@ def main(settings: Paper) -> Path:
         irl_stability.main(irl_stability.Study(out / "stability", trajectories=walks, config=config))
     if "map" in settings.pieces:
         search_study.main(load_preset(PRESETS / "map.toml", overlays), out / "map", quick=settings.quick)
-    rows = ablation_rows(ablation, changes, out / "ablation")
-    method_rows = ablation_rows(methods, changes, out / "irl-methods")
-    room_rows = ablation_rows(many_rooms, changes, out / "many-rooms")
+    rows = {name: ablation_rows(study, changes, out / name) for name, study in studies.items()}
     with parallel_config(n_jobs=settings.jobs) if settings.jobs > 1 else nullcontext():
-        path = write_study(out, rows, method_rows, room_rows).with_suffix(".html")
+        path = write_study(out, rows).with_suffix(".html")
     console.print(f"Report: {path}", highlight=False, soft_wrap=True)
     return path
 

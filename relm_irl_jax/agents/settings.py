@@ -140,6 +140,9 @@ class MapSettings:
     """Targets of an update, the same for all walks."""
     best_share: UnitInterval = 0.7
     """Share of the targets that show an object best, as the targets of tasks do; the others are any views."""
+    augmentation: Literal["none", "random-convolution"] = "none"
+    """Whether the views of an update, targets too, pass through a convolution with random weights first, new ones for
+    each update, so that colours and textures say little."""
     learning_rate: PositiveFloat = 1.5e-3
     """AdamW's largest step size; constant over the first half of the training, then down to 0 along a cosine."""
     weight_decay: NonNegativeFloat = 1e-2

@@ -17,7 +17,7 @@ from relm_irl_jax.agents.siamese.behaviour_cloning import BehaviourCloningAgent
 from relm_irl_jax.config import MAP_METHODS, Config, Method, Task
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.results import LEARNED
-from relm_irl_jax.scenes.scene import Scene, successors
+from relm_irl_jax.scenes.scene import ROOM_TYPES, Scene, successors
 from relm_irl_jax.scenes.selection import ROOMS
 from relm_irl_jax.scenes.views import scene_views
 from relm_irl_jax.types import Agent, Parameters
@@ -94,6 +94,18 @@ def needs_features(config: Config) -> bool:
     if set(config.chosen_methods()) & set(LEARNED):
         return True
     return "features" in make_agent(config, "rl").requires
+
+
+def training_rooms_count(config: Config) -> int:
+    """Number of built-in rooms that an agent trains on, or trained on where it comes with its weights.
+
+    Args:
+        config: the configuration.
+
+    Returns:
+        The number.
+    """
+    return config.map.rooms if config.agent == "map" else config.scene.training_per_type * len(ROOM_TYPES)
 
 
 def check_agent(config: Config, tasks: Sequence[Task]) -> None:

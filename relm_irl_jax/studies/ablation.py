@@ -19,6 +19,7 @@ from relm_irl_jax.report.names import metric_name
 from relm_irl_jax.report.tables import MEAN, by_seed
 from relm_irl_jax.results import TASKS, Task, load_all_results, load_reward_quality
 from relm_irl_jax.run_folder import RunFolder
+from relm_irl_jax.stages.make_agent import training_rooms_count
 from relm_irl_jax.studies.study import complete_run, complete_runs, is_finished
 
 BASE = "base"
@@ -41,6 +42,7 @@ class Variant:
         quick: whether the quick study includes the variant.
         trained_by: name of the variant, or `BASE`, whose trained agents are evaluated instead of training others; empty
             to train. The two may differ in their evaluation alone.
+        line: what its line adds to the agent's name in a figure over the number of training rooms.
     """
 
     title: str
@@ -48,6 +50,7 @@ class Variant:
     agents: tuple[AgentName, ...] = ("metric",)
     quick: bool = False
     trained_by: str = ""
+    line: str = ""
 
 
 @settings_dataclass(frozen=True)
@@ -82,6 +85,8 @@ class AblationRow:
         value: mean and interval of each task and metric.
         change: paired difference from the base on the same seeds; empty for the base.
         rank: mean and interval of the median rank of a new target among its scene's states, by predicted reward.
+        rooms: number of training rooms, if they are built-in ones.
+        line: the row's name in a figure over the number of training rooms.
     """
 
     agent: str
@@ -92,6 +97,8 @@ class AblationRow:
     value: Mapping[tuple[str, str], MeanInterval]
     change: Mapping[tuple[str, str], MeanInterval]
     rank: MeanInterval
+    rooms: int
+    line: str
 
 
 def load_ablation(path: Path) -> Ablation:
@@ -221,6 +228,8 @@ def ablation_rows(ablation: Ablation, changes: Mapping[str, Any], folder: Path) 
                     value=value,
                     change=change,
                     rank=rank,
+                    rooms=training_rooms_count(config),
+                    line=agent if name == BASE else agent + ablation.variants[name].line,
                 )
             )
     return rows
@@ -248,7 +257,7 @@ def ablation_columns(rows: Sequence[AblationRow]) -> dict[str, list]:
         for (task, metric), value in row.value.items():
             intervals = (value, row.change.get((task, metric), undefined), row.rank)
             numbers = [number for interval in intervals for number in (interval.mean, interval.half_width)]
-            table.append((row.agent, row.name, task, metric, *numbers, row.seeds, row.frames))
+            table.append((row.agent, row.name, task, metric, *numbers, row.seeds, row.frames, row.rooms))
     names = (
         "agent",
         "variant",
@@ -262,6 +271,7 @@ def ablation_columns(rows: Sequence[AblationRow]) -> dict[str, list]:
         "rank_half_width",
         "seeds",
         "frames",
+        "rooms",
     )
     return dict(zip(names, map(list, zip(*table, strict=True)), strict=True))
 

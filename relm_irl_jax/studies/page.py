@@ -1,6 +1,6 @@
 """The report of a study: tables and figures of all runs, the regressor's figures, and the ablation."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import ParamSpec
@@ -11,11 +11,13 @@ from relm_irl_jax.config import config_from_dict, read_fields
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.files import read_numbers, read_table, write_table
 from relm_irl_jax.report.comparison import PairedDifference, differences, statement
+from relm_irl_jax.report.figures import save_figure
 from relm_irl_jax.report.intervals import MeanInterval
 from relm_irl_jax.report.run_report import circumstances, run_sections, write_page
 from relm_irl_jax.results import load_all_results
 from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.studies.ablation import AblationRow, ablation_columns, ablation_table
+from relm_irl_jax.studies.rooms_figure import rooms_figure
 from relm_irl_jax.studies.search_page import search_section
 
 P = ParamSpec("P")
@@ -29,6 +31,7 @@ CLAIM = (
 RUN_TITLES = {
     "siamese": "The paper's agent: the siamese actor-critic",
     "siamese-told": "The paper's agent, told of arrivals at imagined targets: what the targets alone teach",
+    "siamese-rooms": "The paper's agent, trained in 60 rooms",
     "metric": "The metric agent: distances between views (not in the paper)",
     "metric-open": "The metric agent, open: evaluation targets may also be goals",
     "metric-no-hindsight": "The metric agent without hindsight: only methods that predict rewards have further goals",
@@ -39,27 +42,22 @@ RUN_TITLES = {
 AGENT_TITLES = RUN_TITLES | {
     "recurrent": "The paper's network with recurrent memory (not in the paper)",
     "savn": "The paper's network with recurrent memory, which learns to adapt (not in the paper)",
+    "map": "The mapping agent (not in the paper)",
 }
 """Titles of the tables of each agent."""
 
 
-def write_study(
-    out: Path,
-    ablation: Sequence[AblationRow],
-    irl_methods: Sequence[AblationRow] = (),
-    many_rooms: Sequence[AblationRow] = (),
-) -> Path:
+def write_study(out: Path, studies: Mapping[str, Sequence[AblationRow]]) -> Path:
     """Write `report.html` and `report.md` of a study from the runs in its folder; joblib's context selects who draws.
 
     Args:
         out: folder of the study.
-        ablation: rows of the ablation.
-        irl_methods: rows of the methods of inverse reinforcement learning.
-        many_rooms: rows of agents trained on few and many rooms.
+        studies: rows of `ablation`, `irl-methods`, `many-rooms` and `unseen`; those left out are not shown.
 
     Returns:
         The Markdown file.
     """
+    rows = {name: studies.get(name, ()) for name in ("ablation", "irl-methods", "many-rooms", "unseen")}
     runs = {name: RunFolder(out / name) for name in RUN_TITLES if list((out / name).glob("results-*.json"))}
     text = ["# RELM-IRL: every table and figure, measured", "", CLAIM, ""]
     for name, folder in runs.items():
@@ -71,8 +69,9 @@ def write_study(
     ]
     for name, section in zip(runs, _sections(list(runs.values()), out), strict=True):
         text += [f"## {RUN_TITLES[name]}", "", *section]
-    text += [*_readable(_regressor, out), *_ablation(out, ablation), *_irl_methods(out, irl_methods)]
-    text += _many_rooms(out, many_rooms)
+    text += [*_readable(_regressor, out), *_ablation(out, rows["ablation"])]
+    text += [*_irl_methods(out, rows["irl-methods"]), *_many_rooms(out, rows["many-rooms"])]
+    text += [*_unseen(out, rows["unseen"]), *_rooms_figure(out, [*rows["unseen"], *rows["many-rooms"]])]
     text += _readable(_stability, out)
     text += _readable(search_section, out / "map")
     text += ["Runs share learned rewards; the time to learn them is counted in the first run only.", ""]
@@ -218,6 +217,36 @@ def _many_rooms(out: Path, rows: Sequence[AblationRow]) -> list[str]:
         "interval (Student's t); bold if the interval excludes zero.",
         "",
         *_tables_by_agent(rows),
+    ]
+
+
+def _unseen(out: Path, rows: Sequence[AblationRow]) -> list[str]:
+    """Metrics of the mapping agent trained on few and many rooms."""
+    if not rows:
+        return []
+    write_table(out / "tables" / "unseen.csv", ablation_columns(rows))
+    return [
+        "## The mapping agent trained on few and many rooms, with and without random convolutions",
+        "",
+        "The base is 600 generated rooms. The number of views is the same in all rows, and so are the unseen rooms. "
+        "Changes are paired with the base on the same seeds, ± half of the 95% interval (Student's t); bold if the "
+        "interval excludes zero.",
+        "",
+        *_tables_by_agent(rows),
+    ]
+
+
+def _rooms_figure(out: Path, rows: Sequence[AblationRow]) -> list[str]:
+    """The figure over the number of training rooms."""
+    if not rows:
+        return []
+    save_figure(rooms_figure(rows), out / "rooms.png", ablation_columns(rows))
+    return [
+        "![Success in unseen rooms against the number of training rooms](rooms.png)",
+        "",
+        "*Task III against the number of training rooms; bars are 95% intervals over seeds (Student's t). The mapping "
+        "agent learns from walks, the others from episodes with the hand-made reward.*",
+        "",
     ]
 
 

@@ -12,7 +12,7 @@ from relm_irl_jax.scenes.rooms.boxes import Box, Material, Pattern
 from relm_irl_jax.scenes.rooms.floor_plan import draw_floor_plan
 from relm_irl_jax.scenes.rooms.furniture import CATEGORIES
 from relm_irl_jax.scenes.rooms.ray_casting import EYE_HEIGHT, MAX_BOXES, cast_rays, pack_boxes
-from relm_irl_jax.scenes.rooms.rendering import BATCH_SIZE, render_views, unpack_rgb
+from relm_irl_jax.scenes.rooms.rendering import BATCH_SIZE, render_batch, render_views, unpack_rgb
 from relm_irl_jax.scenes.scene import HEADINGS, ROOM_TYPES, pose_graph
 
 from .sizes import IMAGE_SIZE
@@ -125,6 +125,15 @@ def test_a_room_as_by_brute_force(room_type):
         assert (winner >= 0).all(), "a ray leaves the room"
         same = got_winner == winner
         np.testing.assert_allclose(got_depth[same], depth[same], rtol=1e-4)
+
+
+def test_views_rendered_together_are_those_rendered_one_by_one():
+    room = draw_floor_plan("bathroom", np.random.default_rng(3))
+    location, rotation, _ = pose_graph(room.places)
+    boxes, poses = pack_boxes(room.boxes, room.light), (np.float32(location[:3]), np.float32(rotation[:3]))
+    one_by_one, together = (render_batch(boxes, *poses, size=20, together=way) for way in (False, True))
+    assert (unpack_rgb(np.asarray(one_by_one[0])) == unpack_rgb(np.asarray(together[0]))).mean() > 0.98
+    np.testing.assert_allclose(one_by_one[1], together[1], atol=0.01)
 
 
 @pytest.mark.parametrize("room_type", ROOM_TYPES)

@@ -23,6 +23,7 @@ from relm_irl_jax.studies.ablation import (
     variant_config,
 )
 from relm_irl_jax.studies.page import RUN_TITLES, write_study
+from relm_irl_jax.studies.rooms_figure import rooms_figure
 from relm_irl_jax.studies.study import is_finished, load_preset
 
 PRESETS = Path(__file__).parents[2] / "experiments" / "paper"
@@ -38,7 +39,7 @@ def test_the_tables_are_of_all_methods_and_five_seeds(name):
     config = load_preset(PRESETS / f"{name}.toml")
     agent = "siamese" if name.startswith("siamese") else "metric"
     assert (config.agent, config.seeds, config.evaluation.episodes) == (agent, 5, 1000)
-    assert len(config.chosen_methods()) == (4 if name == "siamese-told" else 5)
+    assert len(config.chosen_methods()) == {"siamese": 6, "siamese-told": 4}.get(name, 5)
     quick = load_preset(PRESETS / f"{name}.toml", [PRESETS / "quick.toml"])
     assert (quick.agent, quick.scene.size) == (agent, "tiny")
 
@@ -52,6 +53,7 @@ def test_every_variant_changes_its_base():
         "irl-methods.toml",
         "many-rooms.toml",
         "map.toml",
+        "unseen.toml",
     }
     for changes in ({}, read_fields(PRESETS / "quick.toml")):
         base = variant_config(ablation, BASE, "siamese", changes, Path("x"))
@@ -156,8 +158,25 @@ def test_the_table_pairs_finished_runs_with_the_base(tmp_path):
     assert lines[1].rank.mean == 2.5
     assert "| wider | 2.5 ± 6.4 | 0.40 ± 2.54 | **+0.100 ± 0.000** |" in ablation_table(lines, "sr")
     assert len(ablation_columns(lines)["agent"]) == 2 * 3 * 2
-    page = write_study(tmp_path, lines).with_suffix(".html").read_text()
+    page = write_study(tmp_path, {"ablation": lines}).with_suffix(".html").read_text()
     assert "wider" in page
+
+
+def test_success_over_the_number_of_training_rooms_is_drawn_for_each_agent(tmp_path):
+    many = Variant("many rooms", {"scene": {"training_per_type": 20}}, ("siamese",))
+    few = replace(SMALL, variants={"many": many, "other": replace(many, line=", another line")})
+    for name, values in ((BASE, [0.1, 0.3]), ("many", [0.5, 0.7]), ("other", [0.2, 0.4])):
+        leave_results(variant_config(few, name, "siamese", {}, tmp_path / "many-rooms"), values)
+    rows = ablation_rows(few, {}, tmp_path / "many-rooms")
+    expected = [(6, "siamese"), (60, "siamese"), (60, "siamese, another line")]
+    assert [(row.rooms, row.line) for row in rows] == expected
+    success_rate, spl = rooms_figure(rows).axes
+    points = [container.lines[0].get_xydata().tolist() for container in success_rate.containers]
+    assert points == [[[6, pytest.approx(0.2)], [60, pytest.approx(0.6)]], [[60, pytest.approx(0.3)]]]
+    assert spl.get_ylabel() == "SPL in unseen rooms"
+    text = write_study(tmp_path, {"many-rooms": rows}).read_text()
+    assert "![Success in unseen rooms against the number of training rooms](rooms.png)" in text
+    assert (tmp_path / "tables" / "many-rooms.csv").exists()
 
 
 def test_a_run_is_finished_only_in_the_settings_asked_for(tmp_path):
@@ -180,7 +199,7 @@ def test_the_page_shows_what_it_can_read(tmp_path, monkeypatch):
     write_run(tmp_path / "metric", {"rl": [0.1]}, tasks=("I",)).config.unlink()
     write_table(tmp_path / "elm" / "choices.csv", {"choice": ["all"]})
     write_table(tmp_path / "stability" / "stability.csv", {"form": ["cost"], "variant": ["lp"], "start_median": [0.4]})
-    path = write_study(tmp_path, [])
+    path = write_study(tmp_path, {})
     text, page = path.read_text(), path.with_suffix(".html").read_text()
     for said in (
         "Of 2 comparisons of RELM-IRL with other methods (SR and SPL of each task, 2 seeds), it is ahead in 2",
@@ -199,7 +218,7 @@ def test_the_page_shows_the_regressors_figures(tmp_path):
     write_table(elm / "choices.csv", {"choice": ["all"], **choice})
     write_table(elm / "accuracy.csv", {"seed": [0], "elm_r2": [-9.0], "relm_r2": [0.25], "kept": [825]})
     write_json(elm / "settings.json", {"sizes": [1], "config": {"elm": {"hidden": 77}}})
-    text = write_study(tmp_path, []).read_text()
+    text = write_study(tmp_path, {}).read_text()
     for said in (
         "77 neurons before selection; 1 seeds",
         "| 0 | -9.000 | 0.250 | 825 |",

@@ -7,13 +7,14 @@ network.
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float64, PRNGKeyArray, UInt8
 
+from relm_irl_jax.agents.map.augmentation import draw_filter
 from relm_irl_jax.agents.map.filled import fill_maps
 from relm_irl_jax.agents.map.loss import Losses, initial_parameters
 from relm_irl_jax.agents.map.network import VIEW, MapNetwork, look
@@ -206,8 +207,9 @@ def draw_chunk(rooms: TrainingRooms, settings: MapSettings, seed: int, number: i
     """
     generator = np.random.default_rng([seed, 1, number])
     here = rooms.at(number / chunks.count)
-    return [
-        draw_walks(
+    drawn = []
+    for _ in range(chunks.updates):
+        walks = draw_walks(
             here[int(generator.integers(len(here)))],
             generator,
             walks=settings.walks,
@@ -215,8 +217,10 @@ def draw_chunk(rooms: TrainingRooms, settings: MapSettings, seed: int, number: i
             targets=settings.targets,
             best_share=settings.best_share,
         )
-        for _ in range(chunks.updates)
-    ]
+        if settings.augmentation == "random-convolution":
+            walks = replace(walks, convolution=draw_filter(generator))
+        drawn.append(walks)
+    return drawn
 
 
 def _row(losses: Sequence[Losses], number: int, chunks: Chunks) -> dict[str, float]:

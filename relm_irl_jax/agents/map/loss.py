@@ -16,6 +16,7 @@ import numpy as np
 import optax
 from jaxtyping import Array, Float32
 
+from relm_irl_jax.agents.map.augmentation import random_convolution
 from relm_irl_jax.agents.map.geometry import GRID, RADIUS, SIDE
 from relm_irl_jax.agents.map.memory import Odometry, free_logits, grid_rows, summarise, turned
 from relm_irl_jax.agents.map.network import RECORD, VIEW, MapNetwork, Projections
@@ -122,6 +123,8 @@ def compute_loss(
     n_walks, steps = walks.pose.shape[:2]
     n_targets = len(walks.target_views)
     views = jnp.concatenate([jnp.asarray(walks.views).reshape(-1, VIEW, VIEW, 3), jnp.asarray(walks.target_views)])
+    if walks.convolution is not None:
+        views = random_convolution(views, walks.convolution)
     projections = cast(Projections, network.apply(parameters["network"], views))
     record = projections.record[:-n_targets].reshape(n_walks, steps, -1, RECORD)
     grid, odometry = prefix_memories(record, walks)

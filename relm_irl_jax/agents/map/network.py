@@ -87,11 +87,13 @@ class MapNetwork(nn.Module):
     channels: int = 32
 
     @nn.compact
-    def __call__(self, view: UInt8[Array, "views height width 3"]) -> Projections:
+    def __call__(
+        self, view: UInt8[Array, "views height width 3"] | Float32[Array, "views height width 3"]
+    ) -> Projections:
         """Look at views.
 
         Args:
-            view: RGB views of `VIEW` × `VIEW` pixels.
+            view: RGB views of `VIEW` × `VIEW` pixels from 0 to 255; filtered ones may exceed that.
 
         Returns:
             Their projections.

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import jax
 import numpy as np
-from jaxtyping import Array, Bool, Int32, UInt8
+from jaxtyping import Array, Bool, Float32, Int32, UInt8
 
 from relm_irl_jax.agents.map.geometry import RADIUS, SIDE
 from relm_irl_jax.agents.map.rooms import Room
@@ -28,6 +28,7 @@ class Walks:
         target_views: views of the targets.
         target_pose: poses of the targets in the frame of each walk.
         free: places that can be stood on, in the frame of each walk, by z and x.
+        convolution: weights of the convolution that all views pass through first; None for the views as they are.
     """
 
     views: UInt8[np.ndarray | Array, "walks steps height width 3"]
@@ -36,6 +37,7 @@ class Walks:
     target_views: UInt8[np.ndarray | Array, "targets height width 3"]
     target_pose: Int32[np.ndarray | Array, "walks targets 3"]
     free: Bool[np.ndarray | Array, "walks z x"]
+    convolution: Float32[np.ndarray | Array, "3 3 3 3"] | None = None
 
 
 def relative_pose(pose: Int32[np.ndarray, "*poses 3"], origin: Int32[np.ndarray, "3"]) -> Int32[np.ndarray, "*poses 3"]:

@@ -13,7 +13,10 @@ from relm_irl_jax.scenes.rooms.ray_casting import MAX_BOXES, BoxArrays, cast_ray
 from relm_irl_jax.scenes.rooms.shading import shade
 
 BATCH_SIZE = 16
-"""Views per call of the compiled program."""
+"""Views per call of the compiled program on a CPU, which renders one after the other."""
+
+ACCELERATOR_BATCH_SIZE = 128
+"""Views per call on an accelerator, which renders them together."""
 
 
 def render_views(
@@ -39,45 +42,53 @@ def render_views(
     total = len(location)
     images = np.empty((total, size, size, 3), np.uint8)
     shares = np.empty((total, len(CATEGORIES)), np.float32)
+    together = jax.default_backend() != "cpu"
+    batch = ACCELERATOR_BATCH_SIZE if together else BATCH_SIZE
 
     def dispatch(start: int) -> tuple[Array, Array]:
-        chosen = np.minimum(np.arange(start, start + BATCH_SIZE), total - 1)  # the last batch repeats its last pose
+        chosen = np.minimum(np.arange(start, start + batch), total - 1)  # the last batch repeats its last pose
         poses = (jnp.asarray(values[chosen], jnp.float32) for values in (location, rotation))
-        return render_batch(boxes, *poses, size=size)
+        return render_batch(boxes, *poses, size=size, together=together)
 
     with progress_bar(description, total, "views") as advance:
         next_batch = dispatch(0)
-        for start in range(0, total, BATCH_SIZE):
+        for start in range(0, total, batch):
             packed, share = next_batch
-            if start + BATCH_SIZE < total:
-                next_batch = dispatch(start + BATCH_SIZE)  # computed while this batch is copied
-            done = min(BATCH_SIZE, total - start)
+            if start + batch < total:
+                next_batch = dispatch(start + batch)  # computed while this batch is copied
+            done = min(batch, total - start)
             images[start : start + done] = unpack_rgb(np.asarray(packed))[:done]
             shares[start : start + done] = np.asarray(share)[:done]
             advance(done)
     return images, shares
 
 
-@partial(jax.jit, static_argnames="size")
+@partial(jax.jit, static_argnames=("size", "together"))
 def render_batch(
     boxes: BoxArrays,
     location: Float32[Array, "view 2"],
     rotation: Float32[Array, "view"],
     *,
     size: int,
+    together: bool = False,
 ) -> tuple[UInt32[Array, "view height width"], Float[Array, "view category"]]:
-    """Render a batch of poses in one compiled program, one by one, so that the arrays of a view stay in the cache.
+    """Render a batch of poses in one compiled program.
 
     Args:
         boxes: the room.
         location: places (x, z) in metres.
         rotation: headings in degrees.
-        size: rows and columns of an image.
+        size: rows and columns of an image. Static.
+        together: whether to render them at once, or one by one, so that the arrays of a view stay in a CPU's cache.
+            Static.
 
     Returns:
         Images, packed for `unpack_rgb`, and the share of each image that each of `CATEGORIES` covers.
     """
-    return jax.lax.map(lambda pose: _view(boxes, pose[0], pose[1], size), (location, rotation))
+    view = partial(_view, boxes, size=size)
+    return (
+        jax.vmap(view)(location, rotation) if together else jax.lax.map(lambda pose: view(*pose), (location, rotation))
+    )
 
 
 def unpack_rgb(packed: UInt32[np.ndarray, "*shape"]) -> UInt8[np.ndarray, "*shape 3"]:

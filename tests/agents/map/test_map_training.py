@@ -1,13 +1,16 @@
 from dataclasses import replace
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from builders import grid_scene
 from flax.traverse_util import flatten_dict
 from interruption import assert_same, interrupt, resume
+from scipy.signal import correlate
 
 from relm_irl_jax.agents.map.agent import draw_chunk, train_on_rooms
+from relm_irl_jax.agents.map.augmentation import draw_filter, random_convolution
 from relm_irl_jax.agents.map.geometry import RADIUS
 from relm_irl_jax.agents.map.loss import initial_parameters, prefix_lengths
 from relm_irl_jax.agents.map.network import VIEW, MapNetwork
@@ -119,10 +122,46 @@ def test_walks_of_a_chunk_depend_on_its_number_alone(scene):
     assert not np.array_equal(one[1].target_pose, other[1].target_pose)
 
 
+def test_random_convolutions_are_the_same_for_all_views_of_an_update(scene):
+    views = np.concatenate([scene.views[:2], scene.views[:1]])
+    weights = draw_filter(np.random.default_rng(1))
+    filtered = np.asarray(random_convolution(jnp.asarray(views), weights))
+    np.testing.assert_array_equal(filtered[0], filtered[2])
+    padded = np.pad(views / 127.5 - 1.0, [(0, 0), (1, 1), (1, 1), (0, 0)])
+    expected = [
+        correlate(image[..., channel], weights[..., channel, out], "valid")
+        for image in padded
+        for out in range(3)
+        for channel in range(3)
+    ]
+    expected = np.reshape(expected, (len(views), 3, 3, VIEW, VIEW)).sum(2).transpose(0, 2, 3, 1)
+    np.testing.assert_allclose(filtered / 127.5 - 1.0, expected, atol=1e-4)
+
+
+def test_one_convolution_in_ten_is_the_identity(scene):
+    generator = np.random.default_rng(0)
+    drawn = np.stack([draw_filter(generator) for _ in range(2000)])
+    identity = (drawn[:, 1, 1] == np.eye(3)).all((1, 2))
+    assert 0.08 < identity.mean() < 0.12
+    np.testing.assert_allclose(drawn[~identity].std(), np.sqrt(1 / 27), rtol=0.02)
+    unchanged = np.asarray(random_convolution(jnp.asarray(scene.views), drawn[identity][0]))
+    np.testing.assert_allclose(unchanged, scene.views, atol=1e-4)
+
+
+def test_augmentation_leaves_the_walks_as_they_are(scene):
+    rooms, settings = GivenRooms([to_room(scene)]), MapSettings(views=4, targets=2)
+    filtered = replace(settings, augmentation="random-convolution")
+    (plain,), (augmented,) = (draw_chunk(rooms, each, 3, 5, Chunks(9, 1, 8)) for each in (settings, filtered))
+    assert plain.convolution is None
+    assert augmented.convolution.shape == (3, 3, 3, 3)
+    np.testing.assert_array_equal(plain.target_pose, augmented.target_pose)
+
+
 @pytest.mark.slow
-def test_a_short_training_lowers_its_loss_and_continues_after_an_interruption(scene, tmp_path):
+@pytest.mark.parametrize("augmentation", ["none", "random-convolution"])
+def test_a_short_training_lowers_its_loss_and_continues_after_an_interruption(scene, tmp_path, augmentation):
     network, rooms = MapNetwork(width=16, channels=8), GivenRooms([to_room(scene)])
-    settings = MapSettings(views=8, targets=4, learning_rate=5e-3)
+    settings = MapSettings(views=8, targets=4, learning_rate=5e-3, augmentation=augmentation)
 
     def train(log):
         return train_on_rooms(jax.random.key(0), rooms, 4 * 64, settings, log, network)
@@ -130,7 +169,7 @@ def test_a_short_training_lowers_its_loss_and_continues_after_an_interruption(sc
     whole = train(TrainingLog())
     curve = whole[1]
     assert curve.frames.tolist() == [64, 128, 192, 256]
-    assert curve.location_loss[-1] < curve.location_loss[0] - 0.3
+    assert curve.location_loss[-1] < curve.location_loss[0] - (0.3 if augmentation == "none" else 0.1)
     interrupt(tmp_path, train)
     assert_same(resume(tmp_path, train)[0], whole)
 
