@@ -30,9 +30,11 @@ CLAIM = (
 
 RUN_TITLES = {
     "siamese": "The paper's agent: the siamese actor-critic",
+    "siamese-long": "The paper's agent, with three times the frames",
     "siamese-told": "The paper's agent, told of arrivals at imagined targets: what the targets alone teach",
     "siamese-rooms": "The paper's agent, trained in 60 rooms",
     "metric": "The metric agent: distances between views (not in the paper)",
+    "metric-long": "The metric agent, with three times the frames",
     "metric-open": "The metric agent, open: evaluation targets may also be goals",
     "metric-no-hindsight": "The metric agent without hindsight: only methods that predict rewards have further goals",
     "vizdoom": "The metric agent in scenes recorded from ViZDoom",

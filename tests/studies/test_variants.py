@@ -39,7 +39,12 @@ def test_the_tables_are_of_all_methods_and_five_seeds(name):
     config = load_preset(PRESETS / f"{name}.toml")
     agent = "siamese" if name.startswith("siamese") else "metric"
     assert (config.agent, config.seeds, config.evaluation.episodes) == (agent, 5, 1000)
-    assert len(config.chosen_methods()) == {"siamese": 6, "siamese-told": 4}.get(name, 5)
+    assert len(config.chosen_methods()) == {
+        "siamese": 6,
+        "siamese-long": 6,
+        "siamese-told": 4,
+        "metric-no-hindsight": 6,
+    }.get(name, 5)
     quick = load_preset(PRESETS / f"{name}.toml", [PRESETS / "quick.toml"])
     assert (quick.agent, quick.scene.size) == (agent, "tiny")
 
