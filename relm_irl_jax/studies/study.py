@@ -28,6 +28,7 @@ from relm_irl_jax.rewards.learned import LearnedRewards, fit_regressors, learn_d
 from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.stages.encoding import EncodedScenes, encode_training
+from relm_irl_jax.stages.make_agent import needs_features
 from relm_irl_jax.tasks import TaskSplit, draw_split
 
 SCENE_FIELDS = ("scenes", "scene", "encoder")
@@ -81,7 +82,8 @@ def complete_run(config: Config, *, tasks: Sequence[Task] = TASKS, maps: bool = 
         console.print(f"{config.run}: finished", highlight=False)
         return
     console.print(f"{config.run}", highlight=False)
-    run(config, tasks, _encoded(_only(config, SCENE_FIELDS)), learn_shared, maps=maps)
+    encoded = _encoded(_only(config, SCENE_FIELDS)) if needs_features(config) else None
+    run(config, tasks, encoded, learn_shared, maps=maps)
 
 
 def learn_shared(config: Config, scenes: Sequence[Scene], split: TaskSplit, seed: int) -> LearnedRewards:
