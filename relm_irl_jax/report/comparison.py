@@ -14,7 +14,7 @@ from relm_irl_jax.results import Results, Task
 OURS = "relm-irl"
 """The method that is compared with the baselines."""
 
-BASELINES = ("rl", "irl", "elm-irl")
+BASELINES = ("rl", "constant", "irl", "elm-irl")
 """The methods with which it is compared."""
 
 Verdict = Literal["ahead of", "behind", "not distinguishable from"]

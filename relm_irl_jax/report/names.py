@@ -9,7 +9,7 @@ METHOD_NAMES = {
     "random": "Random",
     "bc": "BC",
     "rl": "RL",
-    "constant": "Constant cost",
+    "constant": "Constant (control)",
     "irl": "IRL",
     "elm-irl": "ELM-IRL",
     "relm-irl": "RELM-IRL",
