@@ -108,6 +108,24 @@ def training_rooms_count(config: Config) -> int:
     return config.map.rooms if config.agent == "map" else config.scene.training_per_type * len(ROOM_TYPES)
 
 
+def check_targets(config: Config) -> None:
+    """Refuse fewer training targets than built-in rooms, before the rooms are rendered: targets of Task II are drawn
+    near the training targets of every room.
+
+    Args:
+        config: the configuration.
+
+    Raises:
+        InputError: a training room would have no training target.
+    """
+    rooms, targets = config.scene.training_per_type * len(ROOM_TYPES), config.tasks.training_targets
+    if config.scenes == ROOMS and targets < rooms:
+        raise InputError(
+            f"tasks.training_targets: {targets} leave some of the {rooms} training rooms without a target; give at "
+            "least as many as rooms, or lower scene.training_per_type."
+        )
+
+
 def check_agent(config: Config, tasks: Sequence[Task]) -> None:
     """Raise an InputError for combinations of agent, methods and tasks that cannot work.
 

@@ -60,6 +60,14 @@ def test_absurd_sizes_are_refused_with_the_estimate(config, said, tmp_path, monk
     assert not (tmp_path / "run").exists()
 
 
+def test_rooms_without_a_target_are_refused_before_they_are_rendered(tmp_path, monkeypatch):
+    monkeypatch.setattr(pipeline, "encode_training", None)
+    scene = replace(CONFIG.scene, training_per_type=7)
+    with pytest.raises(InputError, match="20 leave some of the 21 training rooms without a target"):
+        pipeline.run(replace(CONFIG, agent="siamese", scene=scene, run=tmp_path / "run"))
+    assert not (tmp_path / "run").exists()
+
+
 def test_a_large_scene_is_refused_for_agents_that_learn_from_goals(monkeypatch):
     scenes = [grid_scene(2, 2), grid_scene(5, 5)]
     monkeypatch.setattr(hardware, "available_memory", lambda: 2 * 100**2 * 8 * 4 - 1)
