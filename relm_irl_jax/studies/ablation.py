@@ -257,7 +257,7 @@ def ablation_columns(rows: Sequence[AblationRow]) -> dict[str, list]:
         for (task, metric), value in row.value.items():
             intervals = (value, row.change.get((task, metric), undefined), row.rank)
             numbers = [number for interval in intervals for number in (interval.mean, interval.half_width)]
-            table.append((row.agent, row.name, task, metric, *numbers, row.seeds, row.frames, row.rooms))
+            table.append((row.agent, row.name, task, metric, *numbers, row.seeds, row.frames, row.rooms, row.line))
     names = (
         "agent",
         "variant",
@@ -272,6 +272,7 @@ def ablation_columns(rows: Sequence[AblationRow]) -> dict[str, list]:
         "seeds",
         "frames",
         "rooms",
+        "line",
     )
     return dict(zip(names, map(list, zip(*table, strict=True)), strict=True))
 
