@@ -193,6 +193,10 @@ def test_a_run_is_finished_only_in_the_settings_asked_for(tmp_path):
     assert not is_finished(replace(config, frames=5))
     assert not is_finished(replace(config, evaluation=replace(config.evaluation, policy="greedy")))
     assert not is_finished(replace(config, methods=("rl", "relm-irl")))
+    # A run records what it resolved: frames and encoder that the configuration leaves open.
+    unresolved = replace(config, frames=None, run=tmp_path / "unresolved")
+    leave_results(unresolved.resolved(), [0.1, 0.5])
+    assert is_finished(unresolved)
     (tmp_path / "siamese-base" / "results-II.json").unlink()
     assert not is_finished(config)
 
