@@ -6,8 +6,8 @@ from relm_irl_jax.agents.map.network import VIEW
 from relm_irl_jax.config import Config
 from relm_irl_jax.features.resnet import N_FEATURES
 from relm_irl_jax.hardware import require_memory
-from relm_irl_jax.scenes.scene import ROOM_TYPES, Scene
-from relm_irl_jax.scenes.selection import ROOMS
+from relm_irl_jax.scenes.scene import Scene
+from relm_irl_jax.scenes.settings import ROOM_TYPES, ROOMS
 from relm_irl_jax.stages.encoding import scene_settings
 from relm_irl_jax.stages.make_agent import make_agent, needs_features
 
