@@ -22,15 +22,8 @@ from relm_irl_jax.files import whole_file
 from relm_irl_jax.hardware import require_memory
 from relm_irl_jax.scenes.consistency import require_consistent
 from relm_irl_jax.scenes.mapped_copy import map_copy
-from relm_irl_jax.scenes.scene import (
-    ACTIONS,
-    COLLISION,
-    ROOM_TYPE_PATTERN,
-    ROOM_TYPES,
-    ROWS_AT_ONCE,
-    UNREACHABLE,
-    Scene,
-)
+from relm_irl_jax.scenes.scene import ACTIONS, COLLISION, ROWS_AT_ONCE, UNREACHABLE, Scene
+from relm_irl_jax.scenes.settings import ROOM_TYPE_PATTERN, ROOM_TYPES
 
 FORMAT_VERSION = 1
 NAME_PATTERN = r"\w[\w .+-]*"

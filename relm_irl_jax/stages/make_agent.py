@@ -17,8 +17,8 @@ from relm_irl_jax.agents.siamese.behaviour_cloning import BehaviourCloningAgent
 from relm_irl_jax.config import MAP_METHODS, Config, Method, Task
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.results import LEARNED
-from relm_irl_jax.scenes.scene import ROOM_TYPES, Scene, successors
-from relm_irl_jax.scenes.selection import ROOMS
+from relm_irl_jax.scenes.scene import Scene, successors
+from relm_irl_jax.scenes.settings import ROOM_TYPES, ROOMS
 from relm_irl_jax.scenes.views import scene_views
 from relm_irl_jax.types import Agent, Parameters
 

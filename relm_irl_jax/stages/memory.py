@@ -8,8 +8,9 @@ from relm_irl_jax.config import Config
 from relm_irl_jax.features.resnet import N_FEATURES
 from relm_irl_jax.hardware import require_memory
 from relm_irl_jax.results import PREDICTED
-from relm_irl_jax.scenes.scene import ROOM_TYPES, Scene
-from relm_irl_jax.scenes.selection import ROOMS, unseen_scenes
+from relm_irl_jax.scenes.scene import Scene
+from relm_irl_jax.scenes.selection import unseen_scenes
+from relm_irl_jax.scenes.settings import ROOM_TYPES, ROOMS
 from relm_irl_jax.stages.encoding import scene_settings
 from relm_irl_jax.stages.make_agent import make_agent, needs_features, trains
 

@@ -13,7 +13,8 @@ from relm_irl_jax.errors import InputError
 from relm_irl_jax.scenes import consistency
 from relm_irl_jax.scenes.check import check_files, check_table
 from relm_irl_jax.scenes.scene_file import load_scene, save_scene
-from relm_irl_jax.scenes.selection import SceneSettings, training_scenes, unseen_scenes
+from relm_irl_jax.scenes.selection import training_scenes, unseen_scenes
+from relm_irl_jax.scenes.settings import SceneSettings
 
 
 @pytest.fixture(autouse=True)
