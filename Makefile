@@ -29,7 +29,7 @@ QUICK   ?=  ## 1 for tiny rooms, few frames and seeds: whether everything runs, 
 JOBS    ?=  ## Runs of a study at a time; 1 by default.
 ARGS    ?=  ## More options of the command, as in ARGS="--siamese.width 256"; for tests, of pytest.
 
-.PHONY: help setup train evaluate report play test slow chaos fuzz smoke lint bench paper weights notebook notebooks docs lock clean
+.PHONY: help setup train evaluate report play test slow chaos fuzz smoke lint bench paper tables weights notebook notebooks docs lock clean
 
 # A variable on the command line that no target of it uses is refused. (help and refusals: .ci/makefile.py)
 GIVEN   := $(sort $(foreach name,$(.VARIABLES),$(if $(filter command,$(origin $(name))),$(name))))
@@ -94,6 +94,9 @@ bench: $(STAMP)  ## Measure speed on this machine. [BENCH RUN ARGS]
 paper: $(STAMP)  ## Make every table and figure of the paper. [PIECE VARIANT QUICK JOBS RUN ARGS]
 	@$(KEPT) $(BIN)/python experiments/paper.py $(call options,pieces,PIECE) $(call options,variants,VARIANT) \
 	  $(if $(filter-out 0 no false,$(QUICK)),--quick) $(call option,out,RUN) $(call option,jobs,JOBS) $(ARGS)
+
+tables: $(STAMP)  ## Write the tables of the documentation from docs/tables; with RUN, copy those of a study there first. [RUN]
+	@$(BIN)/python experiments/docs_tables.py $(if $(RUN),'$(RUN)')
 
 weights: $(STAMP)  ## Train the mapping agent's weights that come with the package. [ARGS]
 	@$(BIN)/python experiments/map_weights.py $(ARGS)

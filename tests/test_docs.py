@@ -42,6 +42,13 @@ def test_links_lead_somewhere(page):
         assert not anchor or anchor in anchors(linked), link
 
 
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_tables_of_results_are_those_of_the_committed_files(page, monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / "experiments")
+    written = import_module("docs_tables").written
+    assert written(page.read_text()) == page.read_text(), "make tables writes them"
+
+
 def test_the_menu_names_every_page():
     assert sorted(pages_of(SITE["nav"])) == sorted(
         str(page.relative_to(ROOT / "docs")) for page in PAGES if page.is_relative_to(ROOT / "docs")

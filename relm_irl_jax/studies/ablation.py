@@ -18,6 +18,7 @@ from relm_irl_jax.report.intervals import MeanInterval, mean_interval, paired_di
 from relm_irl_jax.report.names import metric_name
 from relm_irl_jax.report.tables import MEAN, by_seed
 from relm_irl_jax.results import TASKS, Task, load_all_results, load_reward_quality
+from relm_irl_jax.run_config import opened_run
 from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.stages.make_agent import training_rooms_count
 from relm_irl_jax.studies.study import complete_run, complete_runs, is_finished
@@ -178,10 +179,10 @@ def _complete_with_agents(complete: Callable[[Config], None], pair: tuple[Config
     if trained_part(source) != trained_part(config):
         raise InputError(f"{config.run}: differs from {source.run} in more than its evaluation; let it train agents.")
     assert source.run is not None
-    assert config.run is not None
-    for path in sorted((source.run / name) for name in ("agents", "curves")):
-        for file in sorted(path.iterdir()):
-            write_bytes(config.run / path.name / file.name, file.read_bytes())
+    with opened_run(config.resolved()) as folder:
+        for path in sorted((source.run / name) for name in ("agents", "curves")):
+            for file in sorted(path.iterdir()):
+                write_bytes(folder.path / path.name / file.name, file.read_bytes())
     complete(config)
 
 
@@ -257,7 +258,7 @@ def ablation_columns(rows: Sequence[AblationRow]) -> dict[str, list]:
         for (task, metric), value in row.value.items():
             intervals = (value, row.change.get((task, metric), undefined), row.rank)
             numbers = [number for interval in intervals for number in (interval.mean, interval.half_width)]
-            table.append((row.agent, row.name, task, metric, *numbers, row.seeds, row.frames, row.rooms))
+            table.append((row.agent, row.name, task, metric, *numbers, row.seeds, row.frames, row.rooms, row.line))
     names = (
         "agent",
         "variant",
@@ -272,6 +273,7 @@ def ablation_columns(rows: Sequence[AblationRow]) -> dict[str, list]:
         "seeds",
         "frames",
         "rooms",
+        "line",
     )
     return dict(zip(names, map(list, zip(*table, strict=True)), strict=True))
 

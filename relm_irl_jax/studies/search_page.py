@@ -68,10 +68,9 @@ def search_section(out: Path) -> list[str]:
     Returns:
         Lines of Markdown; none without rows.
     """
-    found = [_row_of(path) for path in sorted(out.glob("*-*-*-*.csv"))]
+    found = saved_rows(out)
     if not found:
         return []
-    found.sort(key=lambda row: (row.task != "III", row.task, row.first_room, ORDER.index(row.agent), row.memory))
     return [
         "## The mapping agent in rooms never seen",
         "",
@@ -84,6 +83,21 @@ def search_section(out: Path) -> list[str]:
         *failure_table([row for row in found if row.agent == "map"], out),
         "",
     ]
+
+
+def saved_rows(out: Path) -> list[SearchRow]:
+    """The rows whose metrics are in a folder.
+
+    Args:
+        out: the folder.
+
+    Returns:
+        The rows in the order of tables, Task III first.
+    """
+    found = [_row_of(path) for path in out.glob("*-*-*-*.csv")]
+    return sorted(
+        found, key=lambda row: (row.task != "III", row.task, row.first_room, ORDER.index(row.agent), row.memory)
+    )
 
 
 def search_table(rows: Sequence[SearchRow], out: Path) -> list[str]:

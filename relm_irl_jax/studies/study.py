@@ -133,7 +133,8 @@ def is_finished(config: Config, tasks: Sequence[Task] = TASKS) -> bool:
 
 def _compared(config: Config) -> dict:
     """The fields on which the results of all tasks depend."""
-    return {name: value for name, value in config_to_dict(config).items() if name not in ("run", "task")}
+    resolved = config_to_dict(config.resolved())
+    return {name: value for name, value in resolved.items() if name not in ("run", "task")}
 
 
 def _only(config: Config, fields: Sequence[str]) -> Config:

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from run_folders import draw_nothing, write_run
 
-from relm_irl_jax.config import Config, config_to_dict, read_fields, trained_part
+from relm_irl_jax.config import Config, config_to_dict, load_config, read_fields, trained_part
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.files import write_bytes, write_json, write_table
 from relm_irl_jax.results import TASKS, ResultRow, Results, RewardQualityRow, save_results, save_reward_quality
@@ -101,6 +101,8 @@ def test_a_variant_may_evaluate_the_agents_of_another(tmp_path, monkeypatch):
 
     def complete(config, *, tasks, maps):
         weights = RunFolder(config.run).agent("relm-irl", 0)
+        if config.run.name == "siamese-greedy":  # a folder that is not empty is a run only with its configuration
+            assert load_config(RunFolder(config.run).config) == config.resolved()
         completed.append((config.run.name, weights.read_text() if weights.exists() else "trained"))
         write_bytes(weights, config.run.name.encode())
         write_bytes(RunFolder(config.run).curve("relm-irl", 0), b"")
@@ -193,6 +195,10 @@ def test_a_run_is_finished_only_in_the_settings_asked_for(tmp_path):
     assert not is_finished(replace(config, frames=5))
     assert not is_finished(replace(config, evaluation=replace(config.evaluation, policy="greedy")))
     assert not is_finished(replace(config, methods=("rl", "relm-irl")))
+    # A run records what it resolved: frames and encoder that the configuration leaves open.
+    unresolved = replace(config, frames=None, run=tmp_path / "unresolved")
+    leave_results(unresolved.resolved(), [0.1, 0.5])
+    assert is_finished(unresolved)
     (tmp_path / "siamese-base" / "results-II.json").unlink()
     assert not is_finished(config)
 

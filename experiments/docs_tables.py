@@ -1,0 +1,188 @@
+"""The tables of the documentation, from the committed CSV files and from nothing else: `make tables`.
+
+    make tables RUN=runs/paper    copy the tables of a study into docs/tables, then write those of the pages
+    make tables                   write those of the pages from docs/tables
+
+A page says where a table belongs, and which, between two comments:
+
+    <!-- table: tasks siamese -->        SR, PLE and SPL of a piece's methods on each task
+    <!-- table: differences siamese -->  RELM-IRL minus the other methods, paired over seeds
+    <!-- table: summary siamese siamese-long -->    SR and SPL of several pieces, and the paper's
+    <!-- table: rooms unseen many-rooms -->         success in unseen rooms against the number of training rooms
+    <!-- table: search -->                          the mapping agent in unseen rooms
+    <!-- /table -->
+"""
+
+import math
+import re
+import shutil
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from relm_irl_jax.files import read_table, write_bytes
+from relm_irl_jax.report.comparison import BASELINES, markdown_difference
+from relm_irl_jax.report.intervals import MeanInterval
+from relm_irl_jax.report.names import TASK_NAMES, in_order, method_name
+from relm_irl_jax.report.tables import MEAN, paper_value
+from relm_irl_jax.results import TASKS
+from relm_irl_jax.studies.page import RUN_TITLES
+from relm_irl_jax.studies.search_page import saved_rows, search_table
+
+ROOT = Path(__file__).parents[1]
+TABLES = ROOT / "docs" / "tables"
+PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
+
+BLOCK = re.compile(r"(<!-- table: ([a-z-]+)((?: [\w-]+)*) -->\n).*?(<!-- /table -->)", re.DOTALL)
+"""A table of a page: its first line, kind, arguments, and last line."""
+
+
+def copy_tables(study: Path) -> None:
+    """Copy a study's tables into `docs/tables`.
+
+    Args:
+        study: folder of the study.
+    """
+    for name in RUN_TITLES:
+        for path in sorted((study / name / "tables").glob("*.csv")):
+            if path.stem == "differences" or path.stem.startswith("task-"):
+                shutil.copyfile(path, TABLES / f"{name}-{path.name}")
+    for path in (study / "tables").glob("*.csv"):
+        shutil.copyfile(path, TABLES / path.name)
+    for path in (study / "map").glob("*.csv"):
+        shutil.copyfile(path, TABLES / "map" / path.name)
+
+
+def written(page: str) -> str:
+    """A page with its tables written from `docs/tables`.
+
+    Args:
+        page: the page's text.
+
+    Returns:
+        The text with the tables as they must be.
+    """
+
+    def table(block: re.Match[str]) -> str:
+        lines = KINDS[block[2]](*block[3].split())
+        return f"{block[1]}\n" + "\n".join(lines) + f"\n\n{block[4]}"
+
+    return BLOCK.sub(table, page)
+
+
+def _values(name: str, task: str) -> dict[str, dict[str, MeanInterval]]:
+    """Mean over room types of each method and metric."""
+    rows = read_table(TABLES / f"{name}-task-{task}.csv")
+    found: dict[str, dict[str, MeanInterval]] = {}
+    for method, metric, column, mean, half in zip(
+        rows["method"], rows["metric"], rows["column"], rows["mean"], rows["half_width"], strict=True
+    ):
+        if column == MEAN:
+            found.setdefault(method, {})[metric] = MeanInterval(float(mean), float(half))
+    return {method: found[method] for method in in_order(found)}
+
+
+def _tasks(name: str) -> list[str]:
+    """SR, PLE and SPL of all methods on each task, the paper's means in brackets."""
+    lines = []
+    for task in TASKS:
+        lines += [f"| Task {task}: {TASK_NAMES[task]} | SR ↑ | PLE ↓ | SPL ↑ |", "|---|---:|---:|---:|"]
+        for method, values in _values(name, task).items():
+            cells = []
+            for metric in ("sr", "ple", "spl"):
+                reported = paper_value(task, method, metric, MEAN)
+                cells.append(f"{values[metric]}" + ("" if math.isnan(reported) else f" ({reported:.2f})"))
+            lines.append(f"| {method_name(method)} | " + " | ".join(cells) + " |")
+        lines.append("")
+    return lines[:-1]
+
+
+def _differences(name: str) -> list[str]:
+    """RELM-IRL minus each other method, bold where the interval excludes zero."""
+    rows = read_table(TABLES / f"{name}-differences.csv")
+    found = {
+        key: MeanInterval(float(mean), float(half))
+        for *key, mean, half in zip(
+            *(rows[column] for column in ("task", "second", "metric", "mean", "half_width")), strict=True
+        )
+        for key in [tuple(key)]
+    }
+    lines = ["| RELM-IRL minus | " + " | ".join(f"Task {task}: SR | SPL" for task in TASKS) + " |"]
+    lines.append("|---|" + "---:|---:|" * len(TASKS))
+    for baseline in BASELINES:
+        if any(key[1] == baseline for key in found):
+            cells = [markdown_difference(found[task, baseline, metric]) for task in TASKS for metric in ("sr", "spl")]
+            lines.append(f"| {method_name(baseline)} | " + " | ".join(cells) + " |")
+    return lines
+
+
+def _summary(*names: str) -> list[str]:
+    """SR / SPL of the paper and of several pieces."""
+    lines = ["| Task | Method | In the paper | " + " | ".join(SHORT[name] for name in names) + " |"]
+    lines.append("|---|---|---:|" + "---:|" * len(names))
+    for task in TASKS:
+        pieces = [_values(name, task) for name in names]
+        for number, method in enumerate(pieces[0]):
+            reported = [paper_value(task, method, metric, MEAN) for metric in ("sr", "spl")]
+            cells = ["" if math.isnan(reported[0]) else " / ".join(f"{value:.2f}" for value in reported)]
+            for piece in pieces:
+                values = piece.get(method)
+                cells.append("" if values is None else f"{values['sr'].mean:.2f} / {values['spl'].mean:.2f}")
+            lines.append(f"| {task if number == 0 else ''} | {method_name(method)} | " + " | ".join(cells) + " |")
+    return lines
+
+
+SHORT = {
+    "siamese": "The paper's agent here, 20M frames",
+    "siamese-long": "60M frames",
+    "metric-long": "The metric agent, 10M frames",
+}
+"""Headings of the summary's columns."""
+
+
+def _rooms(*names: str) -> list[str]:
+    """SR / SPL on Task III by agent and number of training rooms."""
+    found: dict[tuple[str, int], dict[str, MeanInterval]] = {}
+    for name in names:
+        rows = read_table(TABLES / f"{name}.csv")
+        columns = ("line", "rooms", "task", "metric", "mean", "half_width")
+        for line, rooms, task, metric, mean, half in zip(*(rows[column] for column in columns), strict=True):
+            if task == "III":
+                found.setdefault((line, int(rooms)), {})[metric] = MeanInterval(float(mean), float(half))
+    counts = sorted({rooms for _, rooms in found})
+    lines = ["| SR / SPL in unseen rooms, trained on | " + " | ".join(f"{count} rooms" for count in counts) + " |"]
+    lines.append("|---|" + "---:|" * len(counts))
+    for line in dict.fromkeys(line for line, _ in found):
+        values = [found.get((line, count)) for count in counts]
+        cells = ["" if value is None else f"{value['sr']} / {value['spl']}" for value in values]
+        lines.append(f"| {line} | " + " | ".join(cells) + " |")
+    return lines
+
+
+def _search() -> list[str]:
+    """The mapping agent in unseen rooms."""
+    return search_table(saved_rows(TABLES / "map"), TABLES / "map")
+
+
+KINDS: dict[str, Callable[..., list[str]]] = {
+    "tasks": _tasks,
+    "differences": _differences,
+    "summary": _summary,
+    "rooms": _rooms,
+    "search": _search,
+}
+"""What fills a table, by kind."""
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Copy the tables of the named studies, and write the pages."""
+    for study in arguments:
+        copy_tables(Path(study))
+    for page in PAGES:
+        text = page.read_text()
+        if (new := written(text)) != text:
+            write_bytes(page, new.encode())
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
