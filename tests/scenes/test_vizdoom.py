@@ -74,13 +74,14 @@ def test_four_views_join_to_a_panorama(source):
 
 
 def test_views_and_moves_do_not_depend_on_earlier_ones(source):
-    pose = heading(source, 0)
-    before = source.view(pose)
+    pose, last = heading(source, 0), source.poses[-1]
+    before, before_last = source.view(pose), source.view(last)
     walked = pose
     for _ in range(5):
         walked = source.move(walked, AHEAD) or walked
     source.view(walked)
     again = source.view(pose)
+    np.testing.assert_array_equal(source.view(last).image, before_last.image)
     np.testing.assert_array_equal(again.image, before.image)
     assert again.visible_objects == before.visible_objects
 
@@ -138,6 +139,13 @@ def test_solid_objects_stop_the_player(source):
     barrel = Pose(864 / UNITS, 88 / UNITS, 0)
     assert source.view(barrel) is None
     assert source.move(barrel, AHEAD) is None
+
+
+def test_a_door_that_a_move_closes_is_open_again_for_the_next(engine):
+    place = Pose(-4.0, 6.5, 0)
+    with vizdoom_map("map15", VizdoomSettings(states=8, image_size=32)) as opened:
+        assert opened.move(place, AHEAD) is not None  # over the line that closes it
+        assert opened.move(place._replace(rotation=180), AHEAD) is not None
 
 
 def wad(path, *entries):

@@ -11,9 +11,10 @@ The wheel of `vizdoom` contains the Freedoom maps, `map01` to `map32` and `e1m1`
   objects.
 - **Views** are the centre square of a 4:3 frame, cropped and never resampled. The field of view of the square is 90
   degrees, as in the built-in rooms. Weapon, messages, HUD, flashes and monsters are off.
-- **Episodes.** The engine starts a new episode for the views and another one for the moves of each place. The results
-  therefore do not depend on other places: items that a move picked up are back, lights flicker in the same phase, and
-  an interrupted recording gives the same file.
+- **Episodes.** The results do not depend on other places, and an interrupted recording gives the same file. The engine
+  starts a new episode after a move that opened a door or moved a floor; items that moves pick up stop nobody. Views are
+  taken in an episode without moves, in which each place has its own time: all items are there, and lights flicker from
+  place to place.
 - **Objects** are the engine's labels: decorations and items by name, with the share of the view that they cover.
 """
 
@@ -100,6 +101,7 @@ def _find_poses(player: Player, name: str, settings: VizdoomSettings) -> list[Po
             region = max(region, places, key=len)
             if len(region) == max_places:
                 break
+    player.arrange_views(region)
     return [place._replace(rotation=heading) for place in region for heading in HEADINGS]
 
 

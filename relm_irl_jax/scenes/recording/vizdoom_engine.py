@@ -95,6 +95,7 @@ def start_engine(vizdoom: ModuleType, map_name: str, wad: Path, resolution: tupl
         getattr(game, f"set_render_{part}")(False)
     game.set_labels_buffer_enabled(True)
     game.set_objects_info_enabled(True)
+    game.set_sectors_info_enabled(True)
     button = vizdoom.Button
     game.set_available_buttons([button.MOVE_FORWARD_BACKWARD_DELTA, button.TURN_LEFT_RIGHT_DELTA])
     game.set_mode(vizdoom.Mode.PLAYER)

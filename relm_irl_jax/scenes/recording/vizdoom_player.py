@@ -1,6 +1,7 @@
 """The player of a running ViZDoom engine: moves and views at any pose."""
 
 import math
+from collections.abc import Sequence
 from functools import cache, lru_cache
 from types import ModuleType
 from typing import Any
@@ -24,6 +25,12 @@ THRUST, FRICTION = 1.5625, 0.90625
 """Acceleration of a running player in map units per tic², and the factor by which friction reduces
 its speed each tic."""
 
+FULL_SPEED = 50.0
+"""Value of the engine's button for running ahead."""
+
+STOPPING_SPEED = 1 / 16
+"""Map units per tic below which the engine stops a player who does not run."""
+
 TOLERANCE = 1.0
 """Map units by which the end of a move may be short of the next place or off the straight line."""
 
@@ -33,9 +40,19 @@ IGNORED_CATEGORIES = ("Self", "Player", "Internal", "MapSpot", "SFX", "ScriptThi
 MAX_STARTS = 8
 """Largest number of candidate starts near objects."""
 
+VIEWING_TICS = SETTLING_TICS + 2 * len(HEADINGS)
+"""Tics for the views of a place."""
+
+Heights = list[tuple[float, float]]
+"""Floor and ceiling of each sector."""
+
 
 class Player:
     """Moves and views at any pose, independent of earlier calls.
+
+    To start an episode takes the engine longer than everything else, so an episode serves many places: moves go on in
+    it until one of them has moved a floor or a ceiling, and the views of the places of a region have times of their own
+    in it.
 
     Args:
         vizdoom: the package.
@@ -57,8 +74,23 @@ class Player:
         self._units_per_metre = map_units / GRID_STEP
         self._tics = _tics_to_run(map_units)
         self.start = self._pose()
+        self._heights: Heights | None = None
+        self._tic: int | None = None
+        self._places: dict[tuple[float, float], int] = {}
         self._moves = cache(self._moves_from)
         self._views = lru_cache(maxsize=1)(self._views_from)
+
+    def arrange_views(self, places: Sequence[Pose]) -> None:
+        """Give each place of a region its time in an episode, at which its views are taken.
+
+        Args:
+            places: the places, in the order in which their views will mostly be asked for. Those of other places are
+                taken at the time of the first one.
+        """
+        for place in places:
+            self._moves(place.x, place.z)  # now, since moves between views would need episodes of their own
+        self._places = {(place.x, place.z): number for number, place in enumerate(places)}
+        self._views.cache_clear()
 
     def starts_near_objects(self, n_places: int) -> list[Pose]:
         """Candidate starts of a region: places near objects, in descending number of kinds of objects around them.
@@ -69,7 +101,7 @@ class Player:
         Returns:
             The places; the player's start is the last one.
         """
-        self._game.new_episode()
+        self._new_episode()
         objects = [item for item in self._game.get_state().objects if item.category not in IGNORED_CATEGORIES]
         positions = np.asarray([(item.position_x, item.position_y) for item in objects]).reshape(-1, 2)
         positions = positions / self._units_per_metre
@@ -100,18 +132,21 @@ class Player:
 
     def _moves_from(self, x: float, z: float) -> tuple[bool, ...]:
         """Whether the player can move ahead from a place, for each heading."""
-        self._game.new_episode()
         return tuple(self._moves_ahead(Pose(x, z, heading)) for heading in HEADINGS)
 
     def _moves_ahead(self, pose: Pose) -> bool:
-        self._advance(STOPPING_TICS, report=False)  # a warp keeps the speed
-        self._warp(pose)
-        self._turn(pose)
+        self._stop()
+        if self._heights is not None:
+            self._approach(pose)
+        if self._heights is None or self._current_heights() != self._heights:  # a door opens, a lift moves
+            self._new_episode()
+            self._approach(pose)
+            self._heights = self._current_heights()
         if not self._at_rest():
             return False
-        self._advance(self._tics, forward=50.0)
+        self._advance(self._tics, forward=FULL_SPEED)
         if self._game.is_episode_finished():  # the player has reached the exit
-            self._game.new_episode()
+            self._heights = None
             return False
         reached, expected = self._pose(), next_pose(pose, AHEAD)
         along, aside = (reached.z - expected.z, reached.x - expected.x)
@@ -123,11 +158,47 @@ class Player:
         is_straight = abs(aside) * self._units_per_metre <= TOLERANCE
         return -TOLERANCE <= along * self._units_per_metre <= overshoot and is_straight
 
+    def _approach(self, pose: Pose) -> None:
+        self._warp(pose)
+        self._turn(pose)
+        reached, speed = self._pose(), abs(self._variable("VELOCITY_X")) + abs(self._variable("VELOCITY_Y"))
+        slid = max(abs(reached.x - pose.x), abs(reached.z - pose.z)) * self._units_per_metre > 0.01
+        if slid or speed > 0 or not self._at_rest():  # it was in the air, where brakes do not work
+            self._advance(STOPPING_TICS, report=False)
+            self._warp(pose)
+            self._turn(pose)
+
+    def _stop(self) -> None:
+        """Brake a player who has run, since a warp keeps the speed."""
+        vx, vy, angle = (self._variable(name) for name in ("VELOCITY_X", "VELOCITY_Y", "ANGLE"))
+        forward, aside = math.cos(math.radians(angle)), math.sin(math.radians(angle))
+        speed, drift = vx * forward + vy * aside, vy * forward - vx * aside
+        if abs(drift) > STOPPING_SPEED:  # it slides along a wall
+            self._advance(STOPPING_TICS, report=False)
+            return
+        while abs(speed) > STOPPING_SPEED:
+            thrust = float(np.rint(np.clip(-speed / THRUST, -1, 1) * FULL_SPEED))
+            self._advance(1, forward=thrust, report=False)
+            speed = (speed + thrust / FULL_SPEED * THRUST) * FRICTION
+
     def _views_from(self, x: float, z: float) -> tuple[View | None, ...]:
         """The views at a place, for each heading."""
-        self._game.new_episode()
+        tic = VIEWING_TICS * self._places.get((x, z), 0)
+        if self._tic is None or self._tic > tic:
+            self._new_episode()
+            self._tic = 0
+        self._advance(tic - self._tic, report=False)
+        self._tic = tic + VIEWING_TICS
         self._warp(Pose(x, z, HEADINGS[0]))
         return tuple(self._view_ahead(Pose(x, z, heading)) for heading in HEADINGS)
+
+    def _new_episode(self) -> None:
+        self._heights = self._tic = None
+        self._game.new_episode()
+        self._game.send_game_command("god")  # an episode outlasts many places on ground that hurts
+
+    def _current_heights(self) -> Heights:
+        return [(sector.floor_height, sector.ceiling_height) for sector in self._game.get_state().sectors]
 
     def _view_ahead(self, pose: Pose) -> View | None:
         self._turn(pose)
@@ -154,6 +225,8 @@ class Player:
 
     def _advance(self, tics: int, *, forward: float = 0.0, turn: float = 0.0, report: bool = True) -> None:
         """Run the engine for some tics; a report, which takes as long as many tics, updates pose and view."""
+        if tics == 0:
+            return
         self._game.set_action([forward, turn])
         self._game.advance_action(tics, report)
 
