@@ -2,7 +2,7 @@
 
 import pytest
 from command import in_process
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from relm_irl_jax.config import config_from_dict, load_config
@@ -53,6 +53,7 @@ def test_refusals_are_one_sentence(text):
     assert "\n" not in str(refusal.value)
 
 
+@settings(deadline=None)
 @given(st.integers(1, 10**12))
 def test_every_positive_number_reads_as_itself(frames):
     assert config_from_dict({"frames": frames}, "memory").frames == frames

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from builders import grid_scene, labelled
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from relm_irl_jax.rewards.equation import LinearRewardForm
@@ -15,6 +15,7 @@ from relm_irl_jax.tasks import Target, TaskSplit, draw_split
 SPLIT = TaskSplit((Target(0, 2),), (Target(0, 1),), (), ())
 
 
+@settings(deadline=None)
 @given(seed=st.integers(0, 50), largest=st.integers(1, 60))
 def test_evaluation_targets_are_never_imagined(seed, largest):
     generator = np.random.default_rng(seed)
