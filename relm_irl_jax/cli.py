@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 from pydantic import ValidationError
 
 from relm_irl_jax.errors import DivergenceError, InputError, first_fault, printable, system_fault
-from relm_irl_jax.files import ensure_writable
 from relm_irl_jax.help_pages import COMMANDS, overview, train_help
 from relm_irl_jax.interruption import Resume
 from relm_irl_jax.lazy import deferred
@@ -35,6 +34,7 @@ draw_episode = deferred("relm_irl_jax.play.keyboard", "draw_episode")
 enter_policy = deferred("relm_irl_jax.pipeline", "enter_policy")
 enter_results = deferred("relm_irl_jax.pipeline", "enter_results")
 encode_training = deferred("relm_irl_jax.stages.encoding", "encode_training")
+ensure_writable = deferred("relm_irl_jax.files", "ensure_writable")
 evaluate_run = deferred("relm_irl_jax.pipeline", "evaluate_run")
 expert_recordings = deferred("relm_irl_jax.stages.recordings", "expert_recordings")
 agent_recordings = deferred("relm_irl_jax.stages.recordings", "agent_recordings")

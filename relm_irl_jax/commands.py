@@ -11,8 +11,8 @@ import tyro
 from pydantic.dataclasses import dataclass
 
 from relm_irl_jax.bounds import NonNegativeInt, PositiveInt, Seed
+from relm_irl_jax.features.settings import Observed
 from relm_irl_jax.results import Method, Task
-from relm_irl_jax.transitions import Observed
 
 
 @dataclass(frozen=True)

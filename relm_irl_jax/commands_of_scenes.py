@@ -8,9 +8,8 @@ from pydantic.dataclasses import dataclass
 
 from relm_irl_jax.bounds import ImageSize, NonNegativeInt, PositiveInt
 from relm_irl_jax.features.training.settings import EncoderTraining
-from relm_irl_jax.scenes.recording.thor import ThorSettings
-from relm_irl_jax.scenes.recording.vizdoom import VizdoomSettings
-from relm_irl_jax.scenes.scene import ROOM_TYPES
+from relm_irl_jax.scenes.recording.settings import ThorSettings, VizdoomSettings
+from relm_irl_jax.scenes.settings import ROOM_TYPES
 
 
 @dataclass(frozen=True)

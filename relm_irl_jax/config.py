@@ -27,8 +27,8 @@ from relm_irl_jax.features.settings import EncoderSettings, settings_for
 from relm_irl_jax.frames import Frames
 from relm_irl_jax.results import BESIDE, Method, Task
 from relm_irl_jax.rewards.settings import ElmSettings, GoalSettings, IrlSettings, ManualSettings
-from relm_irl_jax.scenes.selection import ROOMS, SceneSettings
-from relm_irl_jax.tasks import EvaluationSettings, TaskSettings
+from relm_irl_jax.scenes.settings import ROOMS, SceneSettings
+from relm_irl_jax.task_settings import EvaluationSettings, TaskSettings
 
 AgentName = Literal["siamese", "metric", "map", "recurrent", "savn"]
 BesideName = Literal["metric", "map"]

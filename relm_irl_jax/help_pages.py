@@ -3,8 +3,8 @@
 import contextlib
 import io
 import re
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, fields, is_dataclass, make_dataclass
+from typing import Annotated, Any
 
 from relm_irl_jax.errors import InputError
 
@@ -28,6 +28,9 @@ continues from its last checkpoint."""
 
 TITLE = re.compile(r"^ (?:(?P<group>[\w.-]+) )?options *\n -+ *\n", re.MULTILINE)
 """First lines of a section in tyro's help, as it is written to text that is no terminal."""
+
+OPTION = re.compile(r"^(?=  -)|\n(?=  -)")
+"""Start of an option in a section."""
 
 RULE = re.compile(r"^  -+ *\n", re.MULTILINE)
 """Line below the description of a section."""
@@ -67,17 +70,17 @@ def train_help(config: type[Any], topic: str | None) -> str:
     Raises:
         InputError: there is no such group.
     """
-    sections = _sections(config)
-    groups = list(dict.fromkeys(name.split(".")[0] for name in sections if name))
+    groups = [field.name for field in fields(config) if is_dataclass(field.default)]
     if topic is None or topic.startswith("-"):
-        listed = [f"  {name:12} {sections[name].description}" for name in groups]
+        general, descriptions = _overview_sections(config, groups)
+        listed = [f"  {name:12} {text}" for name, text in descriptions.items()]
         return "\n".join(
             [
                 "usage: relm-irl train [OPTIONS]",
                 "",
                 TRAIN,
                 "",
-                sections[""].options,
+                general,
                 "",
                 "Groups of settings, --GROUP.SETTING; `relm-irl train --help GROUP` describes one, `--help all` all:",
                 "",
@@ -86,6 +89,7 @@ def train_help(config: type[Any], topic: str | None) -> str:
         )
     if topic != "all" and topic not in groups:
         raise InputError(f"help: there is no group {topic}; give all or one of {', '.join(groups)}.")
+    sections = _sections(config if topic == "all" else _without(config, [name for name in groups if name != topic]))
     shown = [section for name, section in sections.items() if topic in ("all", name.split(".")[0])]
     return "\n\n".join(f"{section.description}\n\n{section.options}".lstrip("\n") for section in shown)
 
@@ -101,6 +105,23 @@ class _Section:
 
     description: str
     options: str
+
+
+def _without(config: type[Any], groups: list[str]) -> type[Any]:
+    """The configuration with one option in place of each of some groups: reading their settings takes tyro longer than
+    the rest of the help. The option is long, so that tyro writes descriptions below names, as in the help of all."""
+    import tyro
+
+    bare = Annotated[str, tyro.conf.arg(metavar="-" * 48, help_behavior_hint="")]
+    return make_dataclass(config.__name__, [(name, bare, "") for name in groups], bases=(config,), frozen=True)
+
+
+def _overview_sections(config: type[Any], groups: list[str]) -> tuple[str, dict[str, str]]:
+    """The general options, and the description of each group."""
+    _, *options = OPTION.split("\n" + _sections(_without(config, groups))[""].options)
+    of_group = {option.split()[0].removeprefix("--"): option for option in options}
+    general = [option for name, option in of_group.items() if name not in groups]
+    return "\n".join(general), {name: _joined(of_group[name].split("\n", 1)[1]) for name in groups}
 
 
 def _sections(config: type[Any]) -> dict[str, _Section]:

@@ -17,8 +17,8 @@ from relm_irl_jax.stages.agents_beside import LearnRewards, learned_once, runs_b
 from relm_irl_jax.stages.encoding import EncodedScenes, check_encoder, encode_training
 from relm_irl_jax.stages.episodes import AgentChoice, play_task, save_shown_episodes
 from relm_irl_jax.stages.evaluation import evaluate_task
-from relm_irl_jax.stages.make_agent import check_agent, check_scenes
-from relm_irl_jax.stages.memory import check_goals_memory, check_memory
+from relm_irl_jax.stages.make_agent import check_agent, check_scenes, check_targets
+from relm_irl_jax.stages.memory import check_memory, check_scenes_memory
 from relm_irl_jax.stages.own_policies import OwnPolicy, check_name, enter, evaluate_own_policy
 from relm_irl_jax.stages.rewards import learn, save_rewards
 from relm_irl_jax.stages.searches import save_shown_searches
@@ -55,6 +55,7 @@ def run(
     for agent_config in (config, *map(config.of_agent_beside, config.beside)):
         check_agent(agent_config, tasks)
         check_memory(agent_config)
+        check_targets(agent_config)
     join(config.cluster)
     with opened_run(config) as folder:
         _run_stages(config, folder, tasks, encoded, learned_once(learn_rewards), maps=maps)
@@ -77,7 +78,7 @@ def _run_stages(
             encoded = encode_training(config)
     check_encoder(folder, encoded)
     check_scenes(config, encoded.scenes)
-    check_goals_memory(config, encoded.scenes)
+    check_scenes_memory(config, encoded.scenes)
     joint: dict[Method, list[SeedInputs]] = {}
     for seed in range(config.seeds):
         split = draw_split(encoded.scenes, (), config.tasks, seed)

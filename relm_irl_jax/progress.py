@@ -1,8 +1,13 @@
-"""Progress bars on standard error: units done, rate and remaining time."""
+"""Progress bars on standard error: units done, rate and remaining time.
+
+Where standard error is a file, a bar is one line when it ends, and work that takes longer prints lines in between.
+"""
 
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from datetime import timedelta
 
 from rich.console import Console
 from rich.progress import (
@@ -30,6 +35,11 @@ console = Console(
 )
 """Standard error. Names and paths are printed as they are, not as markup. In notebooks, where rich would need a package
 of its own to move a bar, a bar is one line of text when it ends."""
+
+
+FIRST_LINE = 60.0
+"""Seconds after which a bar that does not move prints a line of its progress; the next ones follow after twice the time
+each."""
 
 
 class _Rate(ProgressColumn):
@@ -65,11 +75,23 @@ def progress_bar(description: str | None, total: int, unit: str) -> Iterator[Cal
     )
     with Progress(*columns, console=console, disable=description is None) as progress:
         task = progress.add_task(description or "", total=total, unit=unit)
+        began, next_line = time.monotonic(), FIRST_LINE
+        lines = description is not None and not console.is_terminal
 
         def advance(done: int) -> None:
             # Agents round frames to whole updates; a bar ends at 100% all the same.
-            completed = progress.tasks[0].completed + done
-            progress.update(task, completed=min(completed, total))
+            completed = min(int(progress.tasks[0].completed) + done, total)
+            progress.update(task, completed=completed)
+            nonlocal next_line
+            elapsed = time.monotonic() - began
+            if lines and elapsed >= next_line and 0 < completed < total:
+                next_line = 2 * elapsed
+                left = timedelta(seconds=round(elapsed * (total / completed - 1)))
+                console.print(
+                    f"{description}: {completed:,} of {total:,} {unit}, about {left} left",
+                    highlight=False,
+                    soft_wrap=True,
+                )
 
         yield advance
         if done := progress.tasks[0].completed:

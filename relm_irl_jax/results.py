@@ -9,8 +9,13 @@ from pydantic import Field, NonNegativeInt, PositiveInt, TypeAdapter, Validation
 from pydantic.dataclasses import dataclass
 
 from relm_irl_jax.errors import InputError, first_fault
-from relm_irl_jax.files import read_table, write_json, write_table
+from relm_irl_jax.lazy import deferred
 from relm_irl_jax.run_folder import RunFolder
+
+# Names of tasks and methods are read more often than results.
+read_table = deferred("relm_irl_jax.files", "read_table")
+write_json = deferred("relm_irl_jax.files", "write_json")
+write_table = deferred("relm_irl_jax.files", "write_table")
 
 Task = Literal["I", "II", "III"]
 TASKS: tuple[Task, ...] = get_args(Task)

@@ -2,12 +2,9 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 from jaxtyping import Bool, Float, Int
-
-Observed = Literal["features", "frames"]
-"""What an agent observes of a view."""
 
 
 @dataclass(frozen=True)

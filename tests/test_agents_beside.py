@@ -15,7 +15,8 @@ from relm_irl_jax.rewards.learned import LearnedRewards
 from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.stages.agents_beside import learned_once, rows_beside, runs_beside
 from relm_irl_jax.stages.own_policies import check_name
-from relm_irl_jax.tasks import TaskSettings, draw_split
+from relm_irl_jax.task_settings import TaskSettings
+from relm_irl_jax.tasks import draw_split
 
 
 def test_all_agents_are_meant_by_default_and_where_it_makes_sense():

@@ -18,7 +18,7 @@ LAYERS = (
     ("experts", "demonstrations", "exports"),
     ("irl",),
     ("elm",),
-    ("tasks", "transitions", "tables", "world", "env"),
+    ("task_settings", "tasks", "transitions", "tables", "world", "env"),
     ("rewards",),
     ("types",),
     ("agents",),

@@ -53,6 +53,7 @@ def test_what_is_misspelt_is_suggested(tmp_path, arguments, said):
 def test_help_loads_nothing_slow(tmp_path):
     program = """
 import sys
+sys.argv = ["relm-irl"]
 from relm_irl_jax.cli import main
 for arguments in (["train"], ["evaluate"], ["scenes"]):
     sys.argv = ["relm-irl", *arguments, "--help"]
@@ -60,7 +61,7 @@ for arguments in (["train"], ["evaluate"], ["scenes"]):
         main()
     except SystemExit:
         pass
-slow = {"jax", "scipy", "sklearn", "matplotlib", "h5py", "cvxpy", "flax"} & set(sys.modules)
+slow = {"jax", "jaxtyping", "numpy", "scipy", "sklearn", "matplotlib", "h5py", "cvxpy", "flax"} & set(sys.modules)
 print(sorted(slow), file=sys.stderr)
 """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=tmp_path, check=True)

@@ -8,7 +8,8 @@ from builders import grid_scene, labelled
 
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.scenes.objects import best_views
-from relm_irl_jax.tasks import NEAR_DISTANCE, EvaluationSettings, TaskSettings, draw_split
+from relm_irl_jax.task_settings import EvaluationSettings, TaskSettings
+from relm_irl_jax.tasks import NEAR_DISTANCE, draw_split
 
 SETTINGS = TaskSettings(training_targets=7, new_targets_per_scene=4)
 

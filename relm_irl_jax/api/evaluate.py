@@ -17,12 +17,12 @@ from relm_irl_jax.config import Config, overlay
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.evaluation import Episodes, evaluation_key
 from relm_irl_jax.evaluation import evaluate as evaluate_policy
+from relm_irl_jax.features.settings import Observed
 from relm_irl_jax.progress import progress_bar
 from relm_irl_jax.results import ResultRow, Results, Task
 from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.stages.evaluation import result_rows
 from relm_irl_jax.stages.worlds import EvaluationTask
-from relm_irl_jax.transitions import Observed
 
 
 def evaluate(

@@ -10,9 +10,10 @@ from relm_irl_jax.errors import InputError
 from relm_irl_jax.features.settings import SMALL_IMAGE_SIZE, settings_for
 from relm_irl_jax.scenes.rooms.cache import built_in_room
 from relm_irl_jax.scenes.rooms.room_specifications import SOURCE
-from relm_irl_jax.scenes.scene import ROOM_TYPES, Scene
+from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.scenes.scene_file import load_scene
-from relm_irl_jax.scenes.selection import ROOMS, check_scenes_setting, scene_files, training_scenes
+from relm_irl_jax.scenes.selection import check_scenes_setting, scene_files, training_scenes
+from relm_irl_jax.scenes.settings import ROOM_TYPES, ROOMS
 
 Scenes = Sequence[Scene] | str | Path
 """Scenes; or `rooms` for the built-in training rooms; or a folder of scene files, whose first ones are for training."""

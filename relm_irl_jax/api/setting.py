@@ -10,6 +10,7 @@ from jaxtyping import UInt8
 
 from relm_irl_jax.api.scenes import Scenes
 from relm_irl_jax.config import Config
+from relm_irl_jax.features.settings import Observed
 from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.scenes.selection import check_scenes_setting, loader, training_scenes, unseen_scenes
 from relm_irl_jax.scenes.views import resized
@@ -23,7 +24,6 @@ from relm_irl_jax.stages.encoding import (
 )
 from relm_irl_jax.stages.make_agent import needs_features
 from relm_irl_jax.stages.worlds import EvaluationTask, evaluation_task
-from relm_irl_jax.transitions import Observed
 
 
 @dataclass(frozen=True, eq=False)

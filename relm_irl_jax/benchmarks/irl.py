@@ -21,7 +21,7 @@ from relm_irl_jax.benchmarks.rows import write_rows
 from relm_irl_jax.benchmarks.timing import describe_computer
 from relm_irl_jax.experts import follow_expert, shortest_path_expert
 from relm_irl_jax.irl import MaxMarginProblem, MaxMarginSettings, Solution, reference_max_margin, solve_many
-from relm_irl_jax.irl.problem import Variant
+from relm_irl_jax.irl.settings import Variant
 from relm_irl_jax.scenes.scene import Scene, pose_graph, shortest_path_distances, successors
 
 

@@ -12,6 +12,11 @@ PANEL = 32
 def rank_tolerance(rows: int, columns: int) -> float:
     """Share of a column's norm below which its remainder counts as rounding error.
 
+    After two projections the remainder is known to about this share, so that a larger one is a difference between the
+    stored numbers. Among columns of a condition of 10⁴ and more, a combination computed beforehand may have such a
+    difference by its own rounding, and counts as independent. The rule of `numpy.linalg.matrix_rank`, a share of the
+    largest singular value, would call it dependent, but small independent columns, too.
+
     Args:
         rows: number of rows of the matrix.
         columns: number of its columns.

@@ -1,7 +1,7 @@
 """Settings of the image encoder; importing them does not load JAX."""
 
 from dataclasses import replace
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 from pydantic.dataclasses import dataclass
@@ -16,6 +16,9 @@ RESNET_IMAGE_SIZE = 224
 
 SMALL_IMAGE_SIZE = 64
 """Height and width of the images that the small network encodes."""
+
+Observed = Literal["features", "frames"]
+"""What an agent observes of a view."""
 
 SHIPPED = ("rooms", "rooms-paths")
 """Weights of the small network that come with the package."""

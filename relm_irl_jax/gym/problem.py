@@ -13,11 +13,12 @@ from gymnasium.vector.utils import batch_space
 from jaxtyping import Int32
 
 from relm_irl_jax.errors import InputError
+from relm_irl_jax.features.settings import Observed
 from relm_irl_jax.rewards.settings import ManualSettings
 from relm_irl_jax.scenes.scene import ACTIONS, Scene
 from relm_irl_jax.tables import TargetTables, scene_offsets, successor_table, target_tables
 from relm_irl_jax.tasks import Target
-from relm_irl_jax.transitions import FeatureReward, Observed, TransitionFeatures
+from relm_irl_jax.transitions import FeatureReward, TransitionFeatures
 
 MANUAL = ManualSettings()
 

@@ -13,9 +13,10 @@ from relm_irl_jax.errors import InputError
 from relm_irl_jax.gym.problem import NavigationProblem, Options
 from relm_irl_jax.scenes.objects import best_views
 from relm_irl_jax.scenes.rooms.cache import built_in_room
-from relm_irl_jax.scenes.scene import ROOM_TYPES, Scene
+from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.scenes.scene_file import load_scene
-from relm_irl_jax.scenes.selection import SceneSettings, check_scenes_setting, loader, training_scenes, unseen_scenes
+from relm_irl_jax.scenes.selection import check_scenes_setting, loader, training_scenes, unseen_scenes
+from relm_irl_jax.scenes.settings import ROOM_TYPES, SceneSettings
 from relm_irl_jax.tasks import Target, draw_split
 
 if TYPE_CHECKING:

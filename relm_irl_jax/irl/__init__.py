@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from relm_irl_jax.irl.methods import learn_weights_by as learn_weights_by
     from relm_irl_jax.irl.parallel import solve_many as solve_many
     from relm_irl_jax.irl.problem import MaxMarginProblem as MaxMarginProblem
-    from relm_irl_jax.irl.problem import MaxMarginSettings as MaxMarginSettings
     from relm_irl_jax.irl.problem import relative_features as relative_features
     from relm_irl_jax.irl.problem import reward as reward
     from relm_irl_jax.irl.reference import reference_max_margin as reference_max_margin
     from relm_irl_jax.irl.settings import IrlMethodSettings as IrlMethodSettings
+    from relm_irl_jax.irl.settings import MaxMarginSettings as MaxMarginSettings
     from relm_irl_jax.irl.solution import Solution as Solution
     from relm_irl_jax.irl.solution import Status as Status
     from relm_irl_jax.irl.solver import max_margin as max_margin
@@ -32,7 +32,7 @@ _MODULES = {
     "WeightsOf": "methods",
     "solve_many": "parallel",
     "MaxMarginProblem": "problem",
-    "MaxMarginSettings": "problem",
+    "MaxMarginSettings": "settings",
     "relative_features": "problem",
     "reward": "problem",
     "reference_max_margin": "reference",

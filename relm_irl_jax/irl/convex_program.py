@@ -24,7 +24,7 @@ from scipy.sparse import csr_array
 
 from relm_irl_jax.irl.feature_factorisation import FactorisedFeatures
 from relm_irl_jax.irl.margins import MarginRows, smallest_by_margin
-from relm_irl_jax.irl.problem import MaxMarginSettings
+from relm_irl_jax.irl.settings import MaxMarginSettings
 
 
 @dataclass(frozen=True)

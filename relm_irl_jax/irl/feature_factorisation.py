@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float64, Real
 
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.irl.problem import Form
+from relm_irl_jax.irl.settings import Form
 
 RANK_TOLERANCE = 1e-9
 """Singular values below this share of the largest one count as zero."""

@@ -22,7 +22,8 @@ from joblib.parallel import LokyBackend, get_active_backend
 
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.irl.feature_factorisation import FactorisedFeatures, factorise
-from relm_irl_jax.irl.problem import MaxMarginProblem, MaxMarginSettings, check_problem
+from relm_irl_jax.irl.problem import MaxMarginProblem, check_problem
+from relm_irl_jax.irl.settings import MaxMarginSettings
 from relm_irl_jax.irl.solution import Solution, Status, unsolved
 from relm_irl_jax.irl.solver import RewardSolution, add_weights, without_reward
 from relm_irl_jax.irl.worker import end_with_parent, solve_each, solve_in_worker

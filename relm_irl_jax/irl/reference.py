@@ -4,7 +4,8 @@ import cvxpy as cp
 import numpy as np
 
 from relm_irl_jax.irl.expectations import feature_expectations
-from relm_irl_jax.irl.problem import MaxMarginProblem, MaxMarginSettings, check_problem, relative_features
+from relm_irl_jax.irl.problem import MaxMarginProblem, check_problem, relative_features
+from relm_irl_jax.irl.settings import MaxMarginSettings
 from relm_irl_jax.irl.solution import Solution, Status, unsolved
 
 _STATUS = {

@@ -15,8 +15,9 @@ from relm_irl_jax.irl.convex_program import ConvexProgram, DualVariables, convex
 from relm_irl_jax.irl.feature_factorisation import FactorisedFeatures, factorise
 from relm_irl_jax.irl.interior_point import solve_by_interior_point
 from relm_irl_jax.irl.margins import MarginRows, margin_rows
-from relm_irl_jax.irl.problem import MaxMarginProblem, MaxMarginSettings, check_problem
+from relm_irl_jax.irl.problem import MaxMarginProblem, check_problem
 from relm_irl_jax.irl.row_generation import solve_by_row_generation, suits
+from relm_irl_jax.irl.settings import MaxMarginSettings
 from relm_irl_jax.irl.solution import Solution, Status, unsolved
 
 OPTIMAL_TOLERANCE, INACCURATE_TOLERANCE = 1e-6, 1e-3

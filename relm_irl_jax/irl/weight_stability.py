@@ -15,7 +15,8 @@ from scipy.sparse import csr_array, diags_array
 from relm_irl_jax.experts import follow_expert, shortest_path_expert
 from relm_irl_jax.irl.feature_factorisation import FactorisedFeatures, factorise
 from relm_irl_jax.irl.margins import MarginRows, margin_rows
-from relm_irl_jax.irl.problem import MaxMarginProblem, MaxMarginSettings
+from relm_irl_jax.irl.problem import MaxMarginProblem
+from relm_irl_jax.irl.settings import MaxMarginSettings
 from relm_irl_jax.irl.solution import Status
 from relm_irl_jax.irl.solver import solve_rows
 from relm_irl_jax.progress import progress_bar

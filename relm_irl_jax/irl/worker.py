@@ -11,7 +11,8 @@ from jaxtyping import Float64
 from threadpoolctl import threadpool_limits
 
 from relm_irl_jax.irl.feature_factorisation import FactorisedFeatures
-from relm_irl_jax.irl.problem import MaxMarginProblem, MaxMarginSettings
+from relm_irl_jax.irl.problem import MaxMarginProblem
+from relm_irl_jax.irl.settings import MaxMarginSettings
 from relm_irl_jax.irl.solution import Status
 from relm_irl_jax.irl.solver import RewardSolution, solve_for_reward, without_reward
 

@@ -22,12 +22,13 @@ from relm_irl_jax.saved_searches import SavedSearch
 from relm_irl_jax.scenes.objects import best_views
 from relm_irl_jax.scenes.rooms.room_specifications import SOURCE
 from relm_irl_jax.scenes.scene import Scene
-from relm_irl_jax.scenes.selection import ROOMS, SceneSettings
+from relm_irl_jax.scenes.settings import ROOMS, SceneSettings
 from relm_irl_jax.scenes.views import resized, scene_views
 from relm_irl_jax.stages.episodes import EpisodePath, path_from
 from relm_irl_jax.stages.make_agent import packaged_agent
 from relm_irl_jax.stages.searches import beliefs_along, search_over_room
-from relm_irl_jax.tasks import Target, TaskSettings
+from relm_irl_jax.task_settings import TaskSettings
+from relm_irl_jax.tasks import Target
 from relm_irl_jax.world import build_targets, build_world
 
 FRAME_MILLISECONDS = 350

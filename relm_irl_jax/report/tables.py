@@ -9,7 +9,7 @@ from relm_irl_jax.report.intervals import MeanInterval, mean_interval
 from relm_irl_jax.report.names import METRIC_NAMES, as_text, heading, in_order, method_name
 from relm_irl_jax.report.paper import COLUMNS, PAPER
 from relm_irl_jax.results import BESIDE_NAMES, ResultRow, Results, RewardQualityRow
-from relm_irl_jax.scenes.scene import ROOM_TYPES
+from relm_irl_jax.scenes.settings import ROOM_TYPES
 
 METRICS = tuple(METRIC_NAMES)
 

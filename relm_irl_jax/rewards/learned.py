@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float32, Float64, Int32
+from jaxtyping import Float, Float32, Float64, Int32
 
 from relm_irl_jax.elm import ELMRegressor
 from relm_irl_jax.irl import WeightsOf
@@ -160,7 +160,7 @@ def predicted_reward(
     row = np.zeros((len(targets), max(scene.n_states for scene in scenes)), np.int32)
     weights, first = [], 0
     for number, target in enumerate(targets):
-        weights.append(predictor.weights_to(target))
+        weights.append(predictor.weights_to(target).astype(np.float32))  # a table for each target, of all its states
         size = len(weights[-1])
         row[number, :size] = first + np.arange(size)
         first += size
@@ -192,7 +192,7 @@ def predicted_observations(
 
 
 def _linear_reward(
-    weights: Float64[np.ndarray, "rows d"],
+    weights: Float[np.ndarray, "rows d"],
     row: Int32[np.ndarray, "targets locals"],
     phi: Sequence[Float64[np.ndarray, "_ d"]],
     form: LinearRewardForm,

@@ -21,12 +21,6 @@ GRID_STEP = 0.5
 HEADINGS = (0.0, 90.0, 180.0, 270.0)
 """Headings in degrees: 0 faces +z, 90 faces +x."""
 
-ROOM_TYPES = ("bathroom", "bedroom", "living_room")
-"""The room types that the paper reports."""
-
-ROOM_TYPE_PATTERN = r"(?!(?i:mean)$)\w[\w.+-]*"
-"""Pattern of room types, which become parts of file names and columns of tables: `mean` is the last column's name."""
-
 COLLISION = -1
 """Entry of `Scene.graph` where the action would collide and leaves the state unchanged."""
 

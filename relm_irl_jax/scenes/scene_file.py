@@ -22,15 +22,8 @@ from relm_irl_jax.files import whole_file
 from relm_irl_jax.hardware import require_memory
 from relm_irl_jax.scenes.consistency import require_consistent
 from relm_irl_jax.scenes.mapped_copy import map_copy
-from relm_irl_jax.scenes.scene import (
-    ACTIONS,
-    COLLISION,
-    ROOM_TYPE_PATTERN,
-    ROOM_TYPES,
-    ROWS_AT_ONCE,
-    UNREACHABLE,
-    Scene,
-)
+from relm_irl_jax.scenes.scene import ACTIONS, COLLISION, ROWS_AT_ONCE, UNREACHABLE, Scene
+from relm_irl_jax.scenes.settings import ROOM_TYPE_PATTERN, ROOM_TYPES
 
 FORMAT_VERSION = 1
 NAME_PATTERN = r"\w[\w .+-]*"
@@ -183,6 +176,12 @@ def _read(file: h5py.File, path: Path, *, views: bool) -> Scene:
             "visible_object",
             "needs one name for each column in `categories`",
         )
+        _require(
+            len(set(categories)) == len(categories) and all(map(_is_label, categories)),
+            path,
+            "visible_object",
+            f"needs distinct names of 1 to {LONGEST_NAME} printable characters in `categories`",
+        )
     if views:
         stored = _checked(file, path, "observation", (n_states, None, None, 3))
         _require_rgb(stored, path)
@@ -201,8 +200,8 @@ def _read(file: h5py.File, path: Path, *, views: bool) -> Scene:
         features=features,
         visible_object=visible,
         categories=categories,
-        source=str(file.attrs.get("source", "thor")),
-        encoder=str(file.attrs.get("encoder", "dump" if features is not None else "")),
+        source=_label(file, path, "source", "thor"),
+        encoder=_label(file, path, "encoder", "dump" if features is not None else ""),
     )
 
 
@@ -287,6 +286,21 @@ def _text(file: h5py.File, path: Path, attribute: str, default: str, pattern: st
     if not isinstance(value, str) or len(value) > LONGEST_NAME or not re.fullmatch(pattern, value):
         raise InputError(f"{path}: attribute `{attribute}` must be {kind}, of at most {LONGEST_NAME} characters.")
     return value
+
+
+def _label(file: h5py.File, path: Path, attribute: str, default: str) -> str:
+    """Read a string attribute that is shown as it is; it may be empty."""
+    value = str(file.attrs.get(attribute, default))
+    if value and not _is_label(value):
+        raise InputError(
+            f"{path}: attribute `{attribute}` must be at most {LONGEST_NAME} printable characters; write the scene "
+            "again."
+        )
+    return value
+
+
+def _is_label(text: str) -> bool:
+    return 0 < len(text) <= LONGEST_NAME and text.isprintable()
 
 
 def _check_version(file: h5py.File, path: Path) -> None:

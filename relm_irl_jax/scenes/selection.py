@@ -3,46 +3,20 @@
 from collections import defaultdict
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import Literal, NamedTuple, Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
-from pydantic.dataclasses import dataclass
-
-from relm_irl_jax.bounds import ImageSize, NonNegativeInt, PositiveInt
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.lazy import deferred
-from relm_irl_jax.scenes.scene import ROOM_TYPES, Scene
+from relm_irl_jax.scenes.scene import Scene
+from relm_irl_jax.scenes.settings import ROOM_TYPES, ROOMS, SceneSettings
 
 # Settings are read more often than scenes.
 built_in_room = deferred("relm_irl_jax.scenes.rooms.cache", "built_in_room")
 load_scene = deferred("relm_irl_jax.scenes.scene_file", "load_scene")
 require_views = deferred("relm_irl_jax.scenes.scene_file", "require_views")
 
-ROOMS = "rooms"
-"""Value of the setting `scenes` that selects the built-in rooms instead of a folder."""
-
 SHOWN_SIZE = 224
 """Rows and columns of the views of built-in rooms that are shown to people, by default."""
-
-
-@dataclass(frozen=True)
-class SceneSettings:
-    """Training scenes, unseen scenes, and the size of the built-in rooms."""
-
-    training_per_type: PositiveInt = 2
-    """Training scenes of each room type. In a folder, these are the first ones in the order of file names."""
-    training: tuple[str, ...] = ()
-    """Names of the training scenes in a folder, instead of the first ones; all other scenes are unseen."""
-    unseen_per_type: PositiveInt = 3
-    """Unseen scenes of each room type for Task III. In a folder, these follow the training scenes; one is enough."""
-    size: Literal["full", "tiny"] = "full"
-    """Size of the built-in rooms: the state counts of the original scenes (`full`), or 12 to 20 places (`tiny`)."""
-    image_size: ImageSize | None = None
-    """Rows and columns of the views of built-in rooms; by default as many as the encoder takes."""
-    first_room: NonNegativeInt = 0
-    """Number of the first built-in room of each type; training rooms come first, then unseen rooms."""
-    first_unseen: NonNegativeInt | None = None
-    """Number of the first unseen built-in room of each type, so that other training rooms leave the unseen ones the
-    same; by default they follow the training rooms."""
 
 
 @runtime_checkable

@@ -8,7 +8,8 @@ from jaxtyping import UInt8
 from PIL import Image
 
 from relm_irl_jax.scenes.scene import Scene
-from relm_irl_jax.scenes.selection import SceneSettings, scene_to_show
+from relm_irl_jax.scenes.selection import scene_to_show
+from relm_irl_jax.scenes.settings import SceneSettings
 
 
 @lru_cache(maxsize=32)

@@ -15,7 +15,8 @@ from relm_irl_jax.files import write_json
 from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.scenes.rooms.room_specifications import SOURCE
 from relm_irl_jax.scenes.scene import Scene
-from relm_irl_jax.scenes.selection import ROOMS, SceneLoader, SceneSettings, training_scenes, unseen_scenes
+from relm_irl_jax.scenes.selection import SceneLoader, training_scenes, unseen_scenes
+from relm_irl_jax.scenes.settings import ROOMS, SceneSettings
 from relm_irl_jax.stages.make_agent import needs_features
 
 NO_ENCODER = "none"

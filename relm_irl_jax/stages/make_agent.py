@@ -17,8 +17,8 @@ from relm_irl_jax.agents.siamese.behaviour_cloning import BehaviourCloningAgent
 from relm_irl_jax.config import MAP_METHODS, Config, Method, Task
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.results import LEARNED
-from relm_irl_jax.scenes.scene import ROOM_TYPES, Scene, successors
-from relm_irl_jax.scenes.selection import ROOMS
+from relm_irl_jax.scenes.scene import Scene, successors
+from relm_irl_jax.scenes.settings import ROOM_TYPES, ROOMS
 from relm_irl_jax.scenes.views import scene_views
 from relm_irl_jax.types import Agent, Parameters
 
@@ -106,6 +106,24 @@ def training_rooms_count(config: Config) -> int:
         The number.
     """
     return config.map.rooms if config.agent == "map" else config.scene.training_per_type * len(ROOM_TYPES)
+
+
+def check_targets(config: Config) -> None:
+    """Refuse fewer training targets than built-in rooms, before the rooms are rendered: targets of Task II are drawn
+    near the training targets of every room.
+
+    Args:
+        config: the configuration.
+
+    Raises:
+        InputError: a training room would have no training target.
+    """
+    rooms, targets = config.scene.training_per_type * len(ROOM_TYPES), config.tasks.training_targets
+    if config.scenes == ROOMS and targets < rooms:
+        raise InputError(
+            f"tasks.training_targets: {targets} leave some of the {rooms} training rooms without a target; give at "
+            "least as many as rooms, or lower scene.training_per_type."
+        )
 
 
 def check_agent(config: Config, tasks: Sequence[Task]) -> None:

@@ -2,14 +2,17 @@
 
 from collections.abc import Sequence
 
-from relm_irl_jax.agents.map.network import VIEW
+from relm_irl_jax.agents.map.geometry import N_CELLS
+from relm_irl_jax.agents.map.network import KERNEL, RECORD, VIEW
 from relm_irl_jax.config import Config
 from relm_irl_jax.features.resnet import N_FEATURES
 from relm_irl_jax.hardware import require_memory
-from relm_irl_jax.scenes.scene import ROOM_TYPES, Scene
-from relm_irl_jax.scenes.selection import ROOMS
+from relm_irl_jax.results import PREDICTED
+from relm_irl_jax.scenes.scene import Scene
+from relm_irl_jax.scenes.selection import unseen_scenes
+from relm_irl_jax.scenes.settings import ROOM_TYPES, ROOMS
 from relm_irl_jax.stages.encoding import scene_settings
-from relm_irl_jax.stages.make_agent import make_agent, needs_features
+from relm_irl_jax.stages.make_agent import make_agent, needs_features, trains
 
 LARGEST_ROOM = 876
 """Most states of a built-in room."""
@@ -32,6 +35,10 @@ GATES = 4
 MATRICES = 3
 """Matrices of the size of the hidden layer's outputs while a regressor is fitted."""
 
+MAPPED_VIEW = 2 * VIEW**2 * 3 + 2 * N_CELLS * (RECORD + KERNEL) * FLOAT32
+"""Bytes of a state while the mapping agent looks at all views: its view, of its scene and among those of all, and what
+the network says about it, in batches and together."""
+
 
 def check_memory(config: Config) -> None:
     """Refuse a configuration that the memory does not suffice for.
@@ -46,21 +53,71 @@ def check_memory(config: Config) -> None:
         require_memory(needed, what)
 
 
-def check_goals_memory(config: Config, scenes: Sequence[Scene]) -> None:
-    """Refuse scenes that are too large for an agent that learns the costs of every state for every goal.
+def check_scenes_memory(config: Config, scenes: Sequence[Scene]) -> None:
+    """Refuse scenes that the memory does not suffice for.
 
     Args:
         config: the configuration.
         scenes: the training scenes.
 
     Raises:
-        InputError: the costs need more memory than is available.
+        InputError: some part needs more memory than is available.
     """
-    if "goals" not in make_agent(config, "rl").requires:
-        return
-    largest = max(scene.n_states for scene in scenes)
-    needed = len(scenes) * largest**2 * COST_TABLES * FLOAT32
-    require_memory(needed, f"training the {config.agent} agent on {largest:,} states of a scene and as many goals")
+    for what, needed in estimates_of_scenes(config, scenes).items():
+        require_memory(needed, what)
+
+
+def estimates_of_scenes(config: Config, scenes: Sequence[Scene]) -> dict[str, int]:
+    """Lower bounds of the bytes that each part of a run needs, for scenes whose sizes are known.
+
+    Args:
+        config: the configuration.
+        scenes: the training scenes.
+
+    Returns:
+        Bytes by the part of the run.
+    """
+    sizes = [scene.n_states for scene in scenes]
+    needed = {}
+    if "goals" in make_agent(config, "rl").requires:
+        what = f"training the {config.agent} agent on {max(sizes):,} states of a scene and as many goals"
+        needed[what] = len(sizes) * max(sizes) ** 2 * COST_TABLES * FLOAT32
+    if config.agent == "map" and config.scenes != ROOMS:
+        states = _looked_at(config, sizes)
+        needed[f"the mapping agent's look at the views of {states:,} states"] = states * MAPPED_VIEW
+    if set(PREDICTED) & set(config.chosen_methods()):
+        needed |= _predictions(config, sizes)
+    return needed
+
+
+def _looked_at(config: Config, sizes: Sequence[int]) -> int:
+    """Most states of a folder's scenes whose views the mapping agent holds at once, in training or evaluation."""
+    trained = sum(sizes) if trains(config) else 0
+    if config.task == "III":
+        evaluated = sum(load(views=False).n_states for load in unseen_scenes(config.scenes, scene_settings(config)))
+    else:
+        shown = config.tasks.training_targets if config.task == "I" else len(sizes)  # every scene has a new target
+        evaluated = sum(sorted(sizes)[:shown])
+    return max(trained, evaluated)
+
+
+def _predictions(config: Config, sizes: Sequence[int]) -> dict[str, int]:
+    """Bytes of tables of predicted rewards."""
+    states, siamese = sum(sizes), config.siamese
+    weights = config.tasks.training_targets * min(sizes) * (config.irl.dimension or 1)
+    needed = {
+        # Every view's as a start and as a target, their sum and its activation.
+        f"elm.hidden: the neurons of {states:,} states": 2 * (states + max(sizes)) * config.elm.hidden * FLOAT64,
+        "tasks.training_targets and irl.dimension: the predicted weights of every state": weights * COPIES * FLOAT32,
+    }
+    if config.agent == "siamese" and siamese.imagine != "none":
+        targets = max(size * min(siamese.imagined_targets, size // 2) for size in sizes)
+        needed |= {
+            "siamese.imagined_targets: their rewards": targets * 2 * FLOAT64,
+            "siamese.targets_at_once and siamese.width: a training step": states
+            * (siamese.targets_at_once * siamese.width * ACTIVATIONS * FLOAT32),
+        }
+    return needed
 
 
 def estimates(config: Config) -> dict[str, int]:
@@ -75,11 +132,16 @@ def estimates(config: Config) -> dict[str, int]:
     needed = {}
     if config.scenes == ROOMS:
         if needs_features(config):
-            needed["scene.training_per_type: features"] = _training_states(config) * N_FEATURES * COPIES * FLOAT32
+            states = _states_of_rooms(config, config.scene.training_per_type)
+            needed["scene.training_per_type: features"] = states * N_FEATURES * COPIES * FLOAT32
         # Views are in memory for one room at a time.
         needed["scene.image_size: the views of a room"] = (
             LARGEST_ROOM * (scene_settings(config).image_size or 0) ** 2 * 3
         )
+        if config.trained_agent == "map":
+            per_type = "unseen_per_type" if config.task == "III" else "training_per_type"
+            states = _states_of_rooms(config, getattr(config.scene, per_type))
+            needed[f"scene.{per_type}: the mapping agent's look at the views of all rooms"] = states * MAPPED_VIEW
     needed |= _training_steps(config).get(config.trained_agent, {})
     if {"elm-irl", "relm-irl"} & set(config.chosen_methods()):
         # `elm.pairs` is an upper bound, of which a run with few demonstrations has fewer.
@@ -89,12 +151,9 @@ def estimates(config: Config) -> dict[str, int]:
     return needed
 
 
-def _training_states(config: Config) -> int:
-    """States of all training scenes, if they are built-in rooms."""
-    if config.scenes != ROOMS:
-        return 0
-    rooms = len(ROOM_TYPES) * config.scene.training_per_type
-    return rooms * (20 * 4 if config.scene.size == "tiny" else LARGEST_ROOM // 2)
+def _states_of_rooms(config: Config, per_type: int) -> int:
+    """States of built-in rooms."""
+    return len(ROOM_TYPES) * per_type * (20 * 4 if config.scene.size == "tiny" else LARGEST_ROOM // 2)
 
 
 def _training_steps(config: Config) -> dict[str, dict[str, int]]:
@@ -119,5 +178,4 @@ def _training_steps(config: Config) -> dict[str, dict[str, int]]:
             "metric.states, metric.goals and metric.groups: a training step": pairs * ACTIVATIONS * FLOAT32,
             "metric.workers and metric.t_max: a training step": metric.workers * metric.t_max * ACTIVATIONS * FLOAT32,
         },
-        "map": {"scene.training_per_type: views of the mapping agent": _training_states(config) * VIEW**2 * 3},
     }

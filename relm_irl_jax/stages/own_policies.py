@@ -12,6 +12,7 @@ from relm_irl_jax.batch_policies import BatchPolicy, Protocol, evaluate_batch_po
 from relm_irl_jax.config import METHODS, Config, Task
 from relm_irl_jax.errors import InputError, first_line
 from relm_irl_jax.evaluation import evaluation_key
+from relm_irl_jax.features.settings import Observed
 from relm_irl_jax.progress import progress_bar
 from relm_irl_jax.results import (
     BESIDE_NAMES,
@@ -28,7 +29,6 @@ from relm_irl_jax.scenes.selection import training_scenes, unseen_scenes
 from relm_irl_jax.stages.encoding import EncodedScenes, scene_settings
 from relm_irl_jax.stages.evaluation import result_rows
 from relm_irl_jax.stages.worlds import EvaluationTask, evaluation_task
-from relm_irl_jax.transitions import Observed
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._+-]{0,39}")
 """Names of methods that can be names of files, too."""

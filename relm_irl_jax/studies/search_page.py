@@ -13,7 +13,7 @@ from relm_irl_jax.report.intervals import MeanInterval, mean_interval
 from relm_irl_jax.report.names import heading
 from relm_irl_jax.report.tables import MEAN
 from relm_irl_jax.results import Task
-from relm_irl_jax.scenes.scene import ROOM_TYPES
+from relm_irl_jax.scenes.settings import ROOM_TYPES
 
 METRIC_COLUMNS = ("seed", "scene", "room_type", "episodes", "sr", "ple", "spl")
 """Columns of a row's file: one line for each scene and seed."""

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from relm_irl_jax.rewards.equation import LinearRewardForm
 from relm_irl_jax.rewards.imagined import constant_rewards, imagined_states, predicted_rewards
 from relm_irl_jax.rewards.predicted import RewardPredictor
-from relm_irl_jax.tasks import Target, TaskSettings, TaskSplit, draw_split
+from relm_irl_jax.task_settings import TaskSettings
+from relm_irl_jax.tasks import Target, TaskSplit, draw_split
 
 SPLIT = TaskSplit((Target(0, 2),), (Target(0, 1),), (), ())
 

@@ -14,7 +14,8 @@ from relm_irl_jax.irl import MaxMarginSettings
 from relm_irl_jax.rewards.demonstrated import demonstrate_targets, describe_recorded, learn_demonstrated_rewards
 from relm_irl_jax.rewards.settings import IrlSettings
 from relm_irl_jax.stages.rewards import announce_recorded
-from relm_irl_jax.tasks import TaskSettings, draw_split
+from relm_irl_jax.task_settings import TaskSettings
+from relm_irl_jax.tasks import draw_split
 
 ROOMS = [grid_scene(3, 2, name="bathroom-0"), grid_scene(3, 3, name="bedroom-0")]
 SPLIT = draw_split(ROOMS, [], TaskSettings(training_targets=4, new_targets_per_scene=2), 0)

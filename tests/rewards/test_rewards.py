@@ -27,7 +27,8 @@ from relm_irl_jax.rewards.learned import (
 from relm_irl_jax.rewards.predicted import RewardPredictor, fit_regressor, pair_data, pair_inputs
 from relm_irl_jax.rewards.quality import reward_quality
 from relm_irl_jax.rewards.settings import ElmSettings, IrlSettings, ManualSettings
-from relm_irl_jax.tasks import Target, TaskSettings, draw_split
+from relm_irl_jax.task_settings import TaskSettings
+from relm_irl_jax.tasks import Target, draw_split
 from relm_irl_jax.world import build_targets, build_world
 
 

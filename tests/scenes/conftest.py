@@ -3,7 +3,7 @@
 import pytest
 
 from relm_irl_jax.scenes.rooms.generate import generate_room
-from relm_irl_jax.scenes.scene import ROOM_TYPES
+from relm_irl_jax.scenes.settings import ROOM_TYPES
 
 from .sizes import IMAGE_SIZE
 

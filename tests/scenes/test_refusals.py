@@ -13,7 +13,8 @@ from relm_irl_jax.errors import InputError
 from relm_irl_jax.scenes import consistency
 from relm_irl_jax.scenes.check import check_files, check_table
 from relm_irl_jax.scenes.scene_file import load_scene, save_scene
-from relm_irl_jax.scenes.selection import SceneSettings, training_scenes, unseen_scenes
+from relm_irl_jax.scenes.selection import training_scenes, unseen_scenes
+from relm_irl_jax.scenes.settings import SceneSettings
 
 
 @pytest.fixture(autouse=True)
@@ -149,3 +150,24 @@ def test_a_table_of_distances_without_any_path_has_a_row(tmp_path):
     checked = check_files([tmp_path / "a.h5"])
     assert "shortest_path_distance" in checked[0].faults[0]
     assert check_table(checked).row_count == 1
+
+
+@pytest.mark.parametrize("names", [["a", "a"], ["a", ""], ["a", "b\n"], ["a", "\x1b[2J"], ["a", "b" * 101]])
+def test_names_of_categories_are_distinct_and_printable(tmp_path, names):
+    visible = np.zeros((16, 2), np.float32)
+    save_scene(scene(visible_object=visible, categories=("a", "b")), tmp_path / "a.h5")
+    assert load_scene(tmp_path / "a.h5").categories == ("a", "b")
+    with h5py.File(tmp_path / "a.h5", "r+") as file:
+        file["visible_object"].attrs["categories"] = names
+    with pytest.raises(InputError, match="`visible_object` needs distinct names of 1 to 100 printable characters"):
+        load_scene(tmp_path / "a.h5")
+
+
+@pytest.mark.parametrize("attribute", ["source", "encoder"])
+@pytest.mark.parametrize("value", ["a\n# title", "\x1b[31m", "x" * 101])
+def test_source_and_encoder_are_short_and_printable(tmp_path, attribute, value):
+    save_scene(scene(), tmp_path / "a.h5")
+    with h5py.File(tmp_path / "a.h5", "r+") as file:
+        file.attrs[attribute] = value
+    with pytest.raises(InputError, match=f"`{attribute}` must be at most 100 printable characters"):
+        load_scene(tmp_path / "a.h5")

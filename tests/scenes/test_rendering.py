@@ -13,7 +13,8 @@ from relm_irl_jax.scenes.rooms.floor_plan import draw_floor_plan
 from relm_irl_jax.scenes.rooms.furniture import CATEGORIES
 from relm_irl_jax.scenes.rooms.ray_casting import EYE_HEIGHT, MAX_BOXES, cast_rays, pack_boxes
 from relm_irl_jax.scenes.rooms.rendering import BATCH_SIZE, render_batch, render_views, unpack_rgb
-from relm_irl_jax.scenes.scene import HEADINGS, ROOM_TYPES, pose_graph
+from relm_irl_jax.scenes.scene import HEADINGS, pose_graph
+from relm_irl_jax.scenes.settings import ROOM_TYPES
 
 from .sizes import IMAGE_SIZE
 

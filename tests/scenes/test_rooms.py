@@ -17,7 +17,8 @@ from relm_irl_jax.scenes.rooms.furniture import CATEGORIES
 from relm_irl_jax.scenes.rooms.generate import generate_room
 from relm_irl_jax.scenes.rooms.ray_casting import EYE_HEIGHT, MAX_BOXES
 from relm_irl_jax.scenes.rooms.room_specifications import SIZES, SOURCE
-from relm_irl_jax.scenes.scene import GRID_STEP, ROOM_TYPES, UNREACHABLE, pose_graph, shortest_path_distances
+from relm_irl_jax.scenes.scene import GRID_STEP, UNREACHABLE, pose_graph, shortest_path_distances
+from relm_irl_jax.scenes.settings import ROOM_TYPES
 
 from .sizes import IMAGE_SIZE
 

@@ -9,7 +9,8 @@ from builders import grid_scene
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.scenes.rooms.cache import built_in_room
 from relm_irl_jax.scenes.scene_file import save_scene
-from relm_irl_jax.scenes.selection import SceneSettings, check_scenes_setting, training_scenes, unseen_scenes
+from relm_irl_jax.scenes.selection import check_scenes_setting, training_scenes, unseen_scenes
+from relm_irl_jax.scenes.settings import SceneSettings
 
 from .sizes import IMAGE_SIZE
 

@@ -13,7 +13,8 @@ from relm_irl_jax.cli import main
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.scenes.consistency import check_scene
 from relm_irl_jax.scenes.recording.record import record_scene
-from relm_irl_jax.scenes.recording.thor import ThorSettings, read_house, room_type_of_floor_plan, thor_scene
+from relm_irl_jax.scenes.recording.settings import ThorSettings
+from relm_irl_jax.scenes.recording.thor import read_house, room_type_of_floor_plan, thor_scene
 
 SETTINGS = ThorSettings(image_size=8)
 PLAN = ["...", ".#.", "..."]  # places 0.5 m apart, the first at (-1.25, 2.75)

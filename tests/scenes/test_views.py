@@ -8,7 +8,7 @@ from builders import grid_scene
 
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.scenes.scene_file import save_scene
-from relm_irl_jax.scenes.selection import SceneSettings
+from relm_irl_jax.scenes.settings import SceneSettings
 from relm_irl_jax.scenes.views import resized, scene_views
 
 SETTINGS = SceneSettings(training_per_type=1, unseen_per_type=1)

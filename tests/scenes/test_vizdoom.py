@@ -14,8 +14,9 @@ from relm_irl_jax.cli import main
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.scenes.consistency import check_scene
 from relm_irl_jax.scenes.recording.record import record_scene
+from relm_irl_jax.scenes.recording.settings import VizdoomSettings
 from relm_irl_jax.scenes.recording.simulator import AHEAD, BACK, Pose, next_pose
-from relm_irl_jax.scenes.recording.vizdoom import VizdoomSettings, reachable_places, vizdoom_map, vizdoom_maps
+from relm_irl_jax.scenes.recording.vizdoom import reachable_places, vizdoom_map, vizdoom_maps
 from relm_irl_jax.scenes.scene import HEADINGS
 from relm_irl_jax.scenes.scene_file import load_scene
 

@@ -13,7 +13,8 @@ from relm_irl_jax.features import EncoderSettings
 from relm_irl_jax.features.convnet import fold_batch_norms, initial_variables
 from relm_irl_jax.features.convnet_weights import save_convnet
 from relm_irl_jax.run_folder import RunFolder
-from relm_irl_jax.scenes.selection import SceneSettings, scene_to_show
+from relm_irl_jax.scenes.selection import scene_to_show
+from relm_irl_jax.scenes.settings import SceneSettings
 from relm_irl_jax.stages.encoding import check_encoder, encode_training, encode_unseen, scene_settings
 
 ROOMS = SceneSettings(training_per_type=1, unseen_per_type=1, size="tiny")

@@ -8,7 +8,8 @@ from builders import grid_scene, labelled
 
 from relm_irl_jax.config import Config
 from relm_irl_jax.stages.training import SeedInputs, goals_of, imagined_of
-from relm_irl_jax.tasks import TaskSettings, draw_split
+from relm_irl_jax.task_settings import TaskSettings
+from relm_irl_jax.tasks import draw_split
 
 
 @pytest.fixture(scope="module")

@@ -15,9 +15,9 @@ from relm_irl_jax.features.encoder import Encoder
 from relm_irl_jax.scenes import mapped_copy, scene_file, selection
 from relm_irl_jax.scenes.mapped_copy import map_copy
 from relm_irl_jax.scenes.scene_file import load_scene, save_scene
-from relm_irl_jax.stages import encoding
+from relm_irl_jax.stages import encoding, memory
 from relm_irl_jax.stages.make_agent import check_scenes
-from relm_irl_jax.stages.memory import check_goals_memory, check_memory, estimates
+from relm_irl_jax.stages.memory import MAPPED_VIEW, check_memory, check_scenes_memory, estimates
 
 CONFIG = Config()
 
@@ -40,7 +40,13 @@ def test_the_defaults_fit_into_two_gigabytes():
         (replace(CONFIG, scene=replace(CONFIG.scene, training_per_type=1000)), r"scene\.training_per_type: features"),
         (
             replace(CONFIG, agent="map", methods=("rl",), scene=replace(CONFIG.scene, training_per_type=1000)),
-            r"scene\.training_per_type: views",
+            r"scene\.training_per_type: the mapping agent's look at the views",
+        ),
+        (
+            replace(
+                CONFIG, agent="map", methods=("rl",), task="III", scene=replace(CONFIG.scene, unseen_per_type=1000)
+            ),
+            r"scene\.unseen_per_type: the mapping agent's look at the views",
         ),
     ],
 )
@@ -54,15 +60,63 @@ def test_absurd_sizes_are_refused_with_the_estimate(config, said, tmp_path, monk
     assert not (tmp_path / "run").exists()
 
 
+def test_rooms_without_a_target_are_refused_before_they_are_rendered(tmp_path, monkeypatch):
+    monkeypatch.setattr(pipeline, "encode_training", None)
+    scene = replace(CONFIG.scene, training_per_type=7)
+    with pytest.raises(InputError, match="20 leave some of the 21 training rooms without a target"):
+        pipeline.run(replace(CONFIG, agent="siamese", scene=scene, run=tmp_path / "run"))
+    assert not (tmp_path / "run").exists()
+
+
 def test_a_large_scene_is_refused_for_agents_that_learn_from_goals(monkeypatch):
     scenes = [grid_scene(2, 2), grid_scene(5, 5)]
     monkeypatch.setattr(hardware, "available_memory", lambda: 2 * 100**2 * 8 * 4 - 1)
+    monkeypatch.setattr(memory, "MAPPED_VIEW", 1)
     for agent in ("metric", "map"):
-        config = replace(CONFIG, agent=agent, map=replace(CONFIG.map, weights="train"), scenes="a folder")
+        trained = replace(CONFIG.map, weights="train")
+        config = replace(CONFIG, agent=agent, methods=("rl",), map=trained, scenes="a folder")
         with pytest.raises(InputError, match=f"training the {agent} agent on 100 states of a scene .* needs about"):
-            check_goals_memory(config, scenes)
-        check_goals_memory(config, scenes[:1])
-    check_goals_memory(CONFIG, scenes)
+            check_scenes_memory(config, scenes)
+        check_scenes_memory(config, scenes[:1])
+    check_scenes_memory(replace(CONFIG, methods=("rl",)), scenes)
+
+
+def test_a_folder_whose_views_do_not_fit_is_refused_before_they_are_read(tmp_path, monkeypatch):
+    for number in range(4):
+        save_scene(grid_scene(2, 2, name=f"bathroom-{number}"), tmp_path / f"{number}.h5")
+    scene = replace(CONFIG.scene, training_per_type=3)
+    config = replace(CONFIG, agent="map", methods=("rl",), scenes=str(tmp_path), scene=scene)
+    scenes = [load_scene(tmp_path / f"{number}.h5", views=False) for number in range(3)]
+    packaged = replace(config, map=replace(CONFIG.map, weights="package"))
+    one = replace(packaged, task="I", tasks=replace(CONFIG.tasks, training_targets=1))
+    unseen = replace(packaged, task="III")
+    for case, states in ((config, 48), (packaged, 48), (one, 16), (unseen, 16), (replace(config, task="III"), 48)):
+        monkeypatch.setattr(hardware, "available_memory", lambda states=states: states * MAPPED_VIEW - 1)
+        monkeypatch.setattr(selection, "require_views", lambda path: None)
+        with pytest.raises(InputError, match=f"the mapping agent's look at the views of {states} states needs about"):
+            check_scenes_memory(case, scenes)
+        monkeypatch.setattr(hardware, "available_memory", lambda states=states: states * MAPPED_VIEW)
+        check_scenes_memory(case, scenes)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"tasks": replace(CONFIG.tasks, training_targets=10**6)}, r"tasks\.training_targets"),
+        ({"elm": replace(CONFIG.elm, hidden=10**6, pairs=10)}, r"elm\.hidden"),
+        ({"siamese": replace(CONFIG.siamese, targets_at_once=10**4)}, r"siamese\.targets_at_once"),
+        ({"siamese": replace(CONFIG.siamese, imagined_targets=10**4)}, None),  # a scene has few states
+    ],
+)
+def test_tables_of_predictions_that_do_not_fit_are_refused(changes, said, monkeypatch):
+    monkeypatch.setattr(hardware, "available_memory", lambda: 10**9)
+    scenes, config = [grid_scene(5, 5)], replace(CONFIG, agent="siamese", **changes)
+    check_scenes_memory(replace(config, methods=("rl", "irl")), scenes)
+    if said is None:
+        return check_scenes_memory(config, scenes)
+    with pytest.raises(InputError, match=rf"{said}.* and 1\.0 GB are available"):
+        check_scenes_memory(config, scenes)
+    return None
 
 
 @pytest.mark.parametrize("changes", [{"weights": "train"}, {"weights": "package", "memory": "filled"}])

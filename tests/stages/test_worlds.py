@@ -15,7 +15,8 @@ from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.scenes.scene_file import save_scene
 from relm_irl_jax.stages.encoding import EncodedScenes, encode_training
 from relm_irl_jax.stages.worlds import evaluation_task, standardised_world
-from relm_irl_jax.tasks import TaskSettings, draw_split
+from relm_irl_jax.task_settings import TaskSettings
+from relm_irl_jax.tasks import draw_split
 
 
 def room(number: int, prefix: str = "") -> Scene:

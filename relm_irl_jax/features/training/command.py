@@ -23,7 +23,8 @@ from relm_irl_jax.features.training.train import LoadScene, TrainState, scenes_m
 from relm_irl_jax.progress import progress_bar
 from relm_irl_jax.scenes.rooms.room_specifications import SOURCE
 from relm_irl_jax.scenes.rooms.training_rooms import training_numbers
-from relm_irl_jax.scenes.selection import ROOMS, check_scenes_setting, training_scenes
+from relm_irl_jax.scenes.selection import check_scenes_setting, training_scenes
+from relm_irl_jax.scenes.settings import ROOMS
 
 HELD_OUT = 5
 """Built-in rooms of each type, after the ones trained on, that judge the features."""

@@ -5,7 +5,7 @@ from pathlib import Path
 from pydantic import Field, NonNegativeInt, PositiveFloat, PositiveInt
 from pydantic.dataclasses import dataclass
 
-from relm_irl_jax.scenes.selection import ROOMS, SceneSettings
+from relm_irl_jax.scenes.settings import ROOMS, SceneSettings
 
 
 @dataclass(frozen=True)

@@ -16,14 +16,12 @@ from contextlib import contextmanager
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-from pydantic import Field
-from pydantic.dataclasses import dataclass
 
-from relm_irl_jax.bounds import ImageSize
 from relm_irl_jax.errors import InputError
+from relm_irl_jax.scenes.recording.settings import ThorSettings
 from relm_irl_jax.scenes.recording.simulator import Pose, SceneOpener, SimulatorScene, View
 from relm_irl_jax.scenes.scene import GRID_STEP, HEADINGS
 
@@ -35,16 +33,6 @@ FIELD_OF_VIEW = 90
 
 _ROOM_TYPES = {0: "kitchen", 2: "living_room", 3: "bedroom", 4: "bathroom"}
 """Room types of iTHOR's scenes, by the hundreds of their numbers."""
-
-
-@dataclass(frozen=True)
-class ThorSettings:
-    """Views of AI2-THOR's scenes."""
-
-    image_size: Annotated[ImageSize, Field(ge=8)] = 224
-    """Rows and columns of a view."""
-    cloud_rendering: bool = False
-    """Render without a display, with Vulkan."""
 
 
 def thor_scenes(names: Sequence[str], settings: ThorSettings) -> dict[str, SceneOpener]:

@@ -23,39 +23,16 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Literal
 
-from pydantic import Field
-from pydantic.dataclasses import dataclass
-
-from relm_irl_jax.bounds import ImageSize, PositiveInt
 from relm_irl_jax.lazy import deferred
+from relm_irl_jax.scenes.recording.settings import VizdoomSettings
 from relm_irl_jax.scenes.recording.simulator import AHEAD, BACK, Pose, SceneOpener, SimulatorScene
 from relm_irl_jax.scenes.recording.vizdoom_engine import RESOLUTIONS, find_wad, start_engine, vizdoom_package
 from relm_irl_jax.scenes.recording.vizdoom_player import Player
-from relm_irl_jax.scenes.scene import GRID_STEP, HEADINGS, ROOM_TYPE_PATTERN
+from relm_irl_jax.scenes.scene import GRID_STEP, HEADINGS
 
 # Settings are read more often than maps.
 progress_bar = deferred("relm_irl_jax.progress", "progress_bar")
-
-
-@dataclass(frozen=True, config={"regex_engine": "python-re"})
-class VizdoomSettings:
-    """States and views of ViZDoom's maps."""
-
-    states: Annotated[PositiveInt, Field(ge=8)] = 600
-    """Largest number of states of a scene, four for each place; the original scenes have 180 to 900."""
-    map_units: PositiveInt = 32
-    """Map units in one step of 0.5 m."""
-    image_size: Annotated[ImageSize, Field(ge=8, le=RESOLUTIONS[-1][1])] = 224
-    """Rows and columns of a view."""
-    start: Literal["player", "objects"] = "player"
-    """Start the region at the player's start (`player`), or where the most kinds of objects are (`objects`)."""
-    room_type: str = Field(default="doom", pattern=f"^{ROOM_TYPE_PATTERN}$")
-    """Room type of the scenes. The siamese agent has a head for each room type, and Task III uses categories that were
-    trained in scenes of the same room type."""
-    wad: Path | None = None
-    """WAD file with the maps; by default Freedoom's in the wheel."""
 
 
 def vizdoom_maps(names: Sequence[str], settings: VizdoomSettings) -> dict[str, SceneOpener]:

@@ -16,7 +16,8 @@ from relm_irl_jax.scenes.rooms.boxes import Box, Point
 from relm_irl_jax.scenes.rooms.placement import place_furniture
 from relm_irl_jax.scenes.rooms.room_specifications import DECORATIONS, SIZES, SPECIFICATIONS, RoomSpecification
 from relm_irl_jax.scenes.rooms.walls import Rectangle, draw_walls, room_outline, wall_boxes
-from relm_irl_jax.scenes.scene import GRID_STEP, ROOM_TYPES
+from relm_irl_jax.scenes.scene import GRID_STEP
+from relm_irl_jax.scenes.settings import ROOM_TYPES
 
 CLEARANCE = 0.2
 """Smallest distance in metres between camera and furniture; no move of one grid step then crosses furniture."""

@@ -8,7 +8,8 @@ from relm_irl_jax.scenes.rooms.furniture import CATEGORIES
 from relm_irl_jax.scenes.rooms.ray_casting import pack_boxes
 from relm_irl_jax.scenes.rooms.rendering import render_views
 from relm_irl_jax.scenes.rooms.room_specifications import SOURCE
-from relm_irl_jax.scenes.scene import ROOM_TYPES, Scene, pose_graph, shortest_path_distances
+from relm_irl_jax.scenes.scene import Scene, pose_graph, shortest_path_distances
+from relm_irl_jax.scenes.settings import ROOM_TYPES
 
 
 def generate_room(

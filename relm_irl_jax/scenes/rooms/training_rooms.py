@@ -6,7 +6,7 @@ Rooms 0 to 99 and those from 10000 on are for evaluation.
 from collections.abc import Sequence
 
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.scenes.scene import ROOM_TYPES
+from relm_irl_jax.scenes.settings import ROOM_TYPES
 
 FIRST_ROOM = 1000
 """Number of the first built-in training room of each type."""
