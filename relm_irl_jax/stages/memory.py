@@ -79,10 +79,11 @@ def estimates_of_scenes(config: Config, scenes: Sequence[Scene]) -> dict[str, in
     """
     sizes = [scene.n_states for scene in scenes]
     needed = {}
-    if "goals" in make_agent(config, "rl").requires:
+    required = make_agent(config, "rl").requires
+    if "goals" in required:
         what = f"training the {config.agent} agent on {max(sizes):,} states of a scene and as many goals"
         needed[what] = len(sizes) * max(sizes) ** 2 * COST_TABLES * FLOAT32
-    if config.agent == "map" and config.scenes != ROOMS:
+    if "features" not in required and config.scenes != ROOMS:  # an agent that looks at pixels
         states = _looked_at(config, sizes)
         needed[f"the mapping agent's look at the views of {states:,} states"] = states * MAPPED_VIEW
     if set(PREDICTED) & set(config.chosen_methods()):
@@ -110,7 +111,7 @@ def _predictions(config: Config, sizes: Sequence[int]) -> dict[str, int]:
         f"elm.hidden: the neurons of {states:,} states": 2 * (states + max(sizes)) * config.elm.hidden * FLOAT64,
         "tasks.training_targets and irl.dimension: the predicted weights of every state": weights * COPIES * FLOAT32,
     }
-    if config.agent == "siamese" and siamese.imagine != "none":
+    if "imagined" in make_agent(config, "relm-irl").requires:
         targets = max(size * min(siamese.imagined_targets, size // 2) for size in sizes)
         needed |= {
             "siamese.imagined_targets: their rewards": targets * 2 * FLOAT64,
