@@ -23,6 +23,7 @@ from relm_irl_jax.agents.settings import (
 from relm_irl_jax.bounds import PositiveInt
 from relm_irl_jax.cluster import ClusterSettings
 from relm_irl_jax.errors import InputError, first_fault
+from relm_irl_jax.inputs import refuse_device
 from relm_irl_jax.features.settings import EncoderSettings, settings_for
 from relm_irl_jax.frames import Frames
 from relm_irl_jax.results import BESIDE, Method, Task
@@ -238,6 +239,7 @@ def read_fields(path: Path) -> dict[str, Any]:
     Raises:
         InputError: the file cannot be read.
     """
+    refuse_device(path)
     try:
         text = path.read_text()
         values = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)

@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Int32
 
 from relm_irl_jax.errors import InputError
+from relm_irl_jax.inputs import refuse_device
 from relm_irl_jax.experts import NO_ACTION, Expert, Trajectory, expert_from_policy, shortest_path_expert
 from relm_irl_jax.files import write_bytes
 from relm_irl_jax.scenes.scene import ACTIONS, Scene, successors
@@ -68,6 +69,7 @@ def load_demonstrations_by_scene(path: Path, scenes: Sequence[Scene]) -> list[tu
 
 def _lines(path: Path) -> Iterator[tuple[str, dict[str, Any]]]:
     """The lines of a file of demonstrations, each with its name in messages."""
+    refuse_device(path)
     try:
         lines = path.read_text(encoding="utf-8").split("\n")
     except FileNotFoundError as error:

@@ -22,6 +22,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
 from relm_irl_jax.errors import InputError, first_line
+from relm_irl_jax.inputs import refuse_device
 
 
 def cache_folder() -> Path:
@@ -282,6 +283,7 @@ def load_arrays_and_metadata(path: Path) -> tuple[dict[str, np.ndarray], dict[st
     Raises:
         InputError: the file is missing or damaged.
     """
+    refuse_device(path)
     try:
         with safe_open(str(path), framework="numpy") as file:
             arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118

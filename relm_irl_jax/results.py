@@ -9,6 +9,7 @@ from pydantic import Field, NonNegativeInt, PositiveInt, TypeAdapter, Validation
 from pydantic.dataclasses import dataclass
 
 from relm_irl_jax.errors import InputError, first_fault
+from relm_irl_jax.inputs import refuse_device
 from relm_irl_jax.lazy import deferred
 from relm_irl_jax.run_folder import RunFolder
 
@@ -146,6 +147,7 @@ def read_results(path: Path) -> Results:
     Raises:
         InputError: the file cannot be read, or a field is missing or refused.
     """
+    refuse_device(path)
     try:
         return _RESULTS.validate_json(path.read_bytes())
     except ValidationError as error:

@@ -115,3 +115,19 @@ def test_a_reader_that_ends_early_is_no_error(tmp_path, monkeypatch):
             in_process(monkeypatch, tmp_path, "scenes", "check", "absent.h5")
         monkeypatch.undo()
     assert end.value.code == 1
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ("--config", "/dev/zero"),
+        ("--irl.demonstrations", "/dev/zero"),
+        ("--encoder.weights", "/dev/zero"),
+        ("--scenes", "/dev/zero"),
+        ("--agent", "map", "--map.weights", "/dev/zero"),
+    ],
+    ids=lambda options: options[-2],
+)
+def test_a_device_without_an_end_is_no_input(tmp_path, options):
+    arguments = options if "--config" in options else (*EARLY[1:], *options)
+    one_sentence(tmp_path, "train", *arguments)

@@ -10,6 +10,7 @@ from types import ModuleType
 from typing import Any
 
 from relm_irl_jax.errors import InputError
+from relm_irl_jax.inputs import refuse_device
 
 RESOLUTIONS = ((160, 120), (320, 240), (640, 480), (1600, 1200))
 """Columns and rows of the engine's frames, all 4:3."""
@@ -54,6 +55,7 @@ def find_wad(vizdoom: ModuleType, map_name: str, wad: Path | None) -> Path:
 
 def _map_names(wad: Path) -> list[str]:
     """Names of the maps in a WAD file: the entries of its directory before an entry `THINGS`."""
+    refuse_device(wad)
     try:
         content = wad.read_bytes()
         kind, count, offset = struct.unpack_from("<4sii", content)
