@@ -23,9 +23,9 @@ from relm_irl_jax.agents.settings import (
 from relm_irl_jax.bounds import PositiveInt
 from relm_irl_jax.cluster import ClusterSettings
 from relm_irl_jax.errors import InputError, first_fault
-from relm_irl_jax.inputs import refuse_device
 from relm_irl_jax.features.settings import EncoderSettings, settings_for
 from relm_irl_jax.frames import Frames
+from relm_irl_jax.inputs import refuse_device
 from relm_irl_jax.results import BESIDE, Method, Task
 from relm_irl_jax.rewards.settings import ElmSettings, GoalSettings, IrlSettings, ManualSettings
 from relm_irl_jax.scenes.settings import ROOMS, SceneSettings

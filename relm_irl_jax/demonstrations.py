@@ -15,9 +15,9 @@ import numpy as np
 from jaxtyping import Int32
 
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.inputs import refuse_device
 from relm_irl_jax.experts import NO_ACTION, Expert, Trajectory, expert_from_policy, shortest_path_expert
 from relm_irl_jax.files import write_bytes
+from relm_irl_jax.inputs import refuse_device
 from relm_irl_jax.scenes.scene import ACTIONS, Scene, successors
 
 DefaultPolicy = Literal["shortest-path", "stay"]

@@ -12,8 +12,8 @@ from filelock import FileLock, Timeout
 
 from relm_irl_jax.config import Config, config_from_dict, config_to_dict, fingerprint, read_fields, trained_part
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.inputs import refuse_device
 from relm_irl_jax.files import checksum_of, remove_partial_files, write_json
+from relm_irl_jax.inputs import refuse_device
 from relm_irl_jax.run_folder import RunFolder
 
 NEEDED = ("methods", "scenes", "seeds", "frames", "agent")
