@@ -82,9 +82,21 @@ def test_the_report_is_drawn_without_agents_or_jax_and_from_its_folder_alone(dra
     folder, seen = drawn
     loaded = {name for name in seen["modules"] if name.split(".")[0] in ("jax", "jaxlib", "flax", "relm_irl_jax")}
     layers = {name.split(".")[1] for name in loaded if name.startswith("relm_irl_jax.")}
-    known = {"errors", "files", "hardware", "lazy", "registration", "report", "results", "run_folder"}
+    known = {
+        "bounds",
+        "errors",
+        "files",
+        "hardware",
+        "inputs",
+        "lazy",
+        "registration",
+        "report",
+        "results",
+        "run_folder",
+    }
     assert layers <= known | {"saved_maps", "saved_searches", "scenes"}
-    assert {name for name in loaded if "scenes" in name} <= {"relm_irl_jax.scenes", "relm_irl_jax.scenes.scene"}
+    of_scenes = {name.removeprefix("relm_irl_jax.") for name in loaded if "scenes" in name}
+    assert of_scenes <= {"scenes", "scenes.scene", "scenes.settings"}
     assert not any(name.startswith(("jax", "flax")) for name in loaded)
     package = str(Path(__file__).parents[2] / "relm_irl_jax")
     code = tuple({*seen["prefixes"], package, str(Path(sys.executable).parent.parent)})
