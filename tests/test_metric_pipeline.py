@@ -2,6 +2,7 @@
 
 import json
 
+import pytest
 from command import EXPERIMENT, QUICK, relm_irl
 
 from relm_irl_jax.files import read_table
@@ -9,6 +10,7 @@ from relm_irl_jax.files import read_table
 SMALL = ("--agent", "metric", "--metric.width", "16", "--metric.dimension", "8", "--metric.workers", "24")
 
 
+@pytest.mark.slow
 def test_the_metric_agent_runs_through_the_same_chain(tmp_path):
     options = (*QUICK, *SMALL, "--frames", "9216", "--methods", "irl", "relm-irl")
     code, _, err = relm_irl(tmp_path, "train", "--config", str(EXPERIMENT), "--run", "metric", *options)

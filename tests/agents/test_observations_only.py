@@ -82,7 +82,7 @@ def renumbered(world: World, targets: Targets, order: np.ndarray) -> tuple[World
     )
 
 
-@pytest.mark.parametrize("name", AGENTS)
+@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow) if n == "savn" else n for n in AGENTS])
 def test_renumbering_all_states_changes_no_action(name):
     agent, given = AGENTS[name], problem(frames=256)
     if "goals" in agent.requires:

@@ -115,6 +115,7 @@ def test_the_full_meta_gradient_is_that_of_finite_differences(problem64):
             assert float((gradient[number] * direction).sum()) == pytest.approx(slope, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_the_first_order_meta_gradient_holds_the_weights_in_changes_fixed(problem64):
     """Finite differences where changes are computed at the weights as they are, by the loss that moves."""
     with jax.enable_x64(True):

@@ -46,6 +46,7 @@ def rollout_of(settings, cap=20, rollouts=1):
     return network, inputs, state, act(jax.random.key(rollouts), state)
 
 
+@pytest.mark.slow
 def test_without_inner_steps_the_gradient_is_that_of_the_recurrent_agent():
     network, inputs, state, (_, (sequences, adapting), _) = rollout_of(dataclasses.replace(SAVN, inner_steps=0))
     assert not np.asarray(adapting.due).any()

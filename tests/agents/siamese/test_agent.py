@@ -128,6 +128,7 @@ def learned_reward(seed, rows):
     )
 
 
+@pytest.mark.slow
 def test_joint_seeds_are_the_seeds_alone_and_can_be_interrupted(tmp_path):
     agent = SiameseAgent(SMALL)
     keys = [jax.random.key(5), jax.random.key(6)]
