@@ -140,8 +140,6 @@ class MapSettings:
     """Targets of an update, the same for all walks."""
     best_share: UnitInterval = 0.7
     """Share of the targets that show an object best, as the targets of tasks do; the others are any views."""
-    mirrored_share: UnitInterval = 0.0
-    """Share of the updates in the mirror image of their room."""
     augmentation: Literal["none", "random-convolution"] = "none"
     """Whether the views of an update, targets too, pass through a convolution with random weights first, new ones for
     each update, so that colours and textures say little."""

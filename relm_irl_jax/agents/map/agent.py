@@ -22,7 +22,7 @@ from relm_irl_jax.agents.map.policy import MapPolicy, SearchSettings, map_policy
 from relm_irl_jax.agents.map.rooms import Room, room_from_graph
 from relm_irl_jax.agents.map.training_rooms import GivenRooms, TrainingRooms
 from relm_irl_jax.agents.map.update import Numbers, TrainState, make_optimizer, update
-from relm_irl_jax.agents.map.walks import Walks, draw_walks, mirrored
+from relm_irl_jax.agents.map.walks import Walks, draw_walks
 from relm_irl_jax.agents.map.weights import fits
 from relm_irl_jax.agents.settings import MapSettings
 from relm_irl_jax.agents.training import Chunks, curve_from_rows, run_chunks, split_into_chunks
@@ -217,8 +217,6 @@ def draw_chunk(rooms: TrainingRooms, settings: MapSettings, seed: int, number: i
             targets=settings.targets,
             best_share=settings.best_share,
         )
-        if settings.mirrored_share and generator.random() < settings.mirrored_share:
-            walks = mirrored(walks)
         if settings.augmentation == "random-convolution":
             walks = replace(walks, convolution=draw_filter(generator))
         drawn.append(walks)

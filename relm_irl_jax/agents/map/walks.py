@@ -6,7 +6,7 @@ experience: nothing here is read from a map, a depth image or labels, except tha
 objects where the scene has labels.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import jax
 import numpy as np
@@ -53,29 +53,6 @@ def relative_pose(pose: Int32[np.ndarray, "*poses 3"], origin: Int32[np.ndarray,
     dz, dx = pose[..., 1] - origin[1], pose[..., 2] - origin[2]
     z, x = [(dz, dx), (dx, -dz), (-dz, -dx), (-dx, dz)][origin[0]]
     return np.stack([(pose[..., 0] - origin[0]) % 4, z, x], -1).astype(np.int32)
-
-
-def mirrored(walks: Walks) -> Walks:
-    """Walks through the mirror image of a room: left is right, and turns go the other way.
-
-    Args:
-        walks: walks and targets.
-
-    Returns:
-        The same in the room's mirror image, which is a room as well.
-    """
-
-    def reflect(pose: Int32[np.ndarray, "*poses 3"]) -> Int32[np.ndarray, "*poses 3"]:
-        return np.stack([-pose[..., 0] % 4, pose[..., 1], -pose[..., 2]], -1)
-
-    return replace(
-        walks,
-        views=walks.views[..., ::-1, :],
-        pose=reflect(np.asarray(walks.pose)),
-        target_views=walks.target_views[..., ::-1, :],
-        target_pose=reflect(np.asarray(walks.target_pose)),
-        free=walks.free[..., ::-1],
-    )
 
 
 def walk(room: Room, generator: np.random.Generator, steps: int) -> list[int]:

@@ -16,7 +16,7 @@ from relm_irl_jax.agents.map.loss import initial_parameters, prefix_lengths
 from relm_irl_jax.agents.map.network import VIEW, MapNetwork
 from relm_irl_jax.agents.map.rooms import room_from_graph, to_room
 from relm_irl_jax.agents.map.training_rooms import GeneratedRooms, GivenRooms
-from relm_irl_jax.agents.map.walks import draw_walks, mirrored, relative_pose
+from relm_irl_jax.agents.map.walks import draw_walks, relative_pose
 from relm_irl_jax.agents.map.weights import load_weights, save_weights
 from relm_irl_jax.agents.settings import MapSettings
 from relm_irl_jax.agents.training import Chunks
@@ -120,21 +120,6 @@ def test_walks_of_a_chunk_depend_on_its_number_alone(scene):
     assert len(one) == 2
     np.testing.assert_array_equal(one[1].pose, same[1].pose)
     assert not np.array_equal(one[1].target_pose, other[1].target_pose)
-
-
-def test_a_walk_through_a_mirrored_room_is_the_mirror_image_of_a_walk(scene):
-    walks = draw_walks(to_room(scene), np.random.default_rng(0), walks=2, steps=6, targets=3, best_share=0.5)
-    image = mirrored(walks)
-    # Ahead and right of the start: the mirror image is ahead and left; facing right becomes facing left.
-    np.testing.assert_array_equal(image.pose[..., 1], walks.pose[..., 1])
-    np.testing.assert_array_equal(image.pose[..., 2], -walks.pose[..., 2])
-    assert ((image.pose[..., 0] + walks.pose[..., 0]) % 4 == 0).all()
-    for one, other in zip(walks.target_pose[0], image.target_pose[0], strict=True):
-        between, reflected = (relative_pose(w.pose[0], t) for w, t in ((walks, one), (image, other)))
-        np.testing.assert_array_equal(reflected, np.stack([-between[:, 0] % 4, between[:, 1], -between[:, 2]], -1))
-    stood_on = image.free[0, image.pose[0, :, 1] + RADIUS, image.pose[0, :, 2] + RADIUS]
-    assert stood_on.all()
-    np.testing.assert_array_equal(image.views[0, 0, :, 0], walks.views[0, 0, :, -1])
 
 
 def test_random_convolutions_are_the_same_for_all_views_of_an_update(scene):
