@@ -17,7 +17,7 @@ import math
 import re
 import shutil
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from relm_irl_jax.files import read_table, write_bytes
@@ -70,15 +70,21 @@ def written(page: str) -> str:
     return BLOCK.sub(table, page)
 
 
+def _intervals(table: str, *keys: str) -> Iterator[tuple[tuple[str, ...], MeanInterval]]:
+    """The means and intervals of a committed table, each with the values of some columns."""
+    rows = read_table(TABLES / table)
+    for key, mean, half_width in zip(
+        zip(*(rows[column] for column in keys), strict=True), rows["mean"], rows["half_width"], strict=True
+    ):
+        yield key, MeanInterval(float(mean), float(half_width))
+
+
 def _values(name: str, task: str) -> dict[str, dict[str, MeanInterval]]:
     """Mean over room types of each method and metric."""
-    rows = read_table(TABLES / f"{name}-task-{task}.csv")
     found: dict[str, dict[str, MeanInterval]] = {}
-    for method, metric, column, mean, half in zip(
-        rows["method"], rows["metric"], rows["column"], rows["mean"], rows["half_width"], strict=True
-    ):
+    for (method, metric, column), value in _intervals(f"{name}-task-{task}.csv", "method", "metric", "column"):
         if column == MEAN:
-            found.setdefault(method, {})[metric] = MeanInterval(float(mean), float(half))
+            found.setdefault(method, {})[metric] = value
     return {method: found[method] for method in in_order(found)}
 
 
@@ -99,14 +105,7 @@ def _tasks(name: str) -> list[str]:
 
 def _differences(name: str) -> list[str]:
     """RELM-IRL minus each other method, bold where the interval excludes zero."""
-    rows = read_table(TABLES / f"{name}-differences.csv")
-    found = {
-        key: MeanInterval(float(mean), float(half))
-        for *key, mean, half in zip(
-            *(rows[column] for column in ("task", "second", "metric", "mean", "half_width")), strict=True
-        )
-        for key in [tuple(key)]
-    }
+    found = dict(_intervals(f"{name}-differences.csv", "task", "second", "metric"))
     lines = ["| RELM-IRL minus | " + " | ".join(f"Task {task}: SR | SPL" for task in TASKS) + " |"]
     lines.append("|---|" + "---:|---:|" * len(TASKS))
     for baseline in BASELINES:
@@ -144,11 +143,9 @@ def _rooms(*names: str) -> list[str]:
     """SR / SPL on Task III by agent and number of training rooms."""
     found: dict[tuple[str, int], dict[str, MeanInterval]] = {}
     for name in names:
-        rows = read_table(TABLES / f"{name}.csv")
-        columns = ("line", "rooms", "task", "metric", "mean", "half_width")
-        for line, rooms, task, metric, mean, half in zip(*(rows[column] for column in columns), strict=True):
+        for (line, rooms, task, metric), value in _intervals(f"{name}.csv", "line", "rooms", "task", "metric"):
             if task == "III":
-                found.setdefault((line, int(rooms)), {})[metric] = MeanInterval(float(mean), float(half))
+                found.setdefault((line, int(rooms)), {})[metric] = value
     counts = sorted({rooms for _, rooms in found})
     lines = ["| SR / SPL in unseen rooms, trained on | " + " | ".join(f"{count} rooms" for count in counts) + " |"]
     lines.append("|---|" + "---:|" * len(counts))

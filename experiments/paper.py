@@ -35,7 +35,7 @@ from relm_irl_jax.elm.ablation import PAPER_SIZES
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.progress import console
 from relm_irl_jax.studies.ablation import ablation_rows, load_ablation, run_ablation
-from relm_irl_jax.studies.page import RUN_TITLES, write_study
+from relm_irl_jax.studies.page import RUN_TITLES, STUDY_TEXTS, write_study
 from relm_irl_jax.studies.study import complete_run, complete_runs, load_preset
 
 PRESETS = Path(__file__).parent / "paper"
@@ -65,9 +65,6 @@ NAMED = ("vizdoom", "siamese-long", "siamese-rooms", "metric-long", "unseen", "m
 
 PIECES: tuple[Piece, ...] = tuple(piece for piece in get_args(Piece) if piece not in NAMED)
 
-STUDIES = ("ablation", "irl-methods", "many-rooms", "unseen")
-"""Pieces that consist of a base and variants of it."""
-
 
 @dataclass(frozen=True)
 class Paper:
@@ -96,7 +93,7 @@ def main(settings: Paper) -> Path:
     """
     out = settings.out or Path("runs") / ("paper-quick" if settings.quick else "paper")
     overlays = [QUICK] if settings.quick else []
-    studies = {name: load_ablation(PRESETS / f"{name}.toml") for name in STUDIES}
+    studies = {name: load_ablation(PRESETS / f"{name}.toml") for name in STUDY_TEXTS}
     known = studies["ablation"].variants
     unknown = [name for name in settings.variants if name not in known]
     if unknown:

@@ -124,6 +124,38 @@ def run_chunks(
     return finished
 
 
+def train_in_chunks(
+    state: State,
+    run_updates: Callable[[State, int], tuple[State, EpisodeSums]],
+    frames: int,
+    frames_per_update: int,
+    log: TrainingLog,
+) -> tuple[State, LearningCurve]:
+    """Train an actor-critic.
+
+    Args:
+        state: the state before the first update.
+        run_updates: maps a state and a number of updates to the next state, and sums over the episodes that ended.
+        frames: frames of the training; rounded up to whole chunks.
+        frames_per_update: frames of one update.
+        log: receives the progress, and restores an interrupted training.
+
+    Returns:
+        The last state, and the learning curve.
+
+    Raises:
+        DivergenceError: see `run_chunks`.
+    """
+    chunks = split_into_chunks(frames, frames_per_update)
+
+    def chunk(state: State, number: int) -> tuple[State, Row]:
+        state, sums = run_updates(state, chunks.updates)
+        return state, learning_row(sums, number, chunks)
+
+    state, rows = run_chunks(state, chunk, chunks, log)
+    return state, curve_from_rows(LearningCurve, rows)
+
+
 def check_finite(state: State, row: Row) -> None:
     """Check that a training still computes with numbers.
 

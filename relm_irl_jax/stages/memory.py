@@ -144,7 +144,7 @@ def estimates(config: Config) -> dict[str, int]:
             states = _states_of_rooms(config, getattr(config.scene, per_type))
             needed[f"scene.{per_type}: the mapping agent's look at the views of all rooms"] = states * MAPPED_VIEW
     needed |= _training_steps(config).get(config.trained_agent, {})
-    if {"elm-irl", "relm-irl"} & set(config.chosen_methods()):
+    if set(PREDICTED) & set(config.chosen_methods()):
         # `elm.pairs` is an upper bound, of which a run with few demonstrations has fewer.
         needed["elm.hidden and elm.pairs: fitting the regressor"] = (
             config.elm.hidden * min(config.elm.pairs, config.elm.hidden) * MATRICES * FLOAT64

@@ -49,17 +49,47 @@ AGENT_TITLES = RUN_TITLES | {
 """Titles of the tables of each agent."""
 
 
+STUDY_TEXTS = {
+    "ablation": (
+        "What the paper leaves open",
+        "RELM-IRL with one setting changed, and fewer frames and episodes than in the tables above. Changes are paired "
+        "with the base on the same seeds, ± half of the 95% interval (Student's t, without correction for multiple "
+        "comparisons); bold if the interval excludes zero, which happens for one in twenty by chance. Rank: rank of a "
+        "new target by predicted reward among the states of its scene, median over targets; 1 is best.",
+    ),
+    "irl-methods": (
+        "Rewards of other methods of inverse reinforcement learning",
+        "IRL, with rewards for the demonstrated targets only; the base is the maximum-margin program. Changes are "
+        "paired with the base on the same seeds and demonstrations, ± half of the 95% interval (Student's t); bold if "
+        "the interval excludes zero.",
+    ),
+    "many-rooms": (
+        "Memory and adaptation, trained on few and many rooms",
+        "RL with the hand-made reward and ten training targets for each room; the base is 6 rooms. The unseen rooms of "
+        "Task III are the same in all rows. Changes are paired with the base on the same seeds, ± half of the 95% "
+        "interval (Student's t); bold if the interval excludes zero.",
+    ),
+    "unseen": (
+        "The mapping agent trained on few and many rooms, with and without random convolutions",
+        "The base is 600 generated rooms. The number of views is the same in all rows, and so are the unseen rooms. "
+        "Changes are paired with the base on the same seeds, ± half of the 95% interval (Student's t); bold if the "
+        "interval excludes zero.",
+    ),
+}
+"""Title and introduction of each study of a base and its variants, by the name of its piece."""
+
+
 def write_study(out: Path, studies: Mapping[str, Sequence[AblationRow]]) -> Path:
     """Write `report.html` and `report.md` of a study from the runs in its folder; joblib's context selects who draws.
 
     Args:
         out: folder of the study.
-        studies: rows of `ablation`, `irl-methods`, `many-rooms` and `unseen`; those left out are not shown.
+        studies: rows by the names in `STUDY_TEXTS`; those left out are not shown.
 
     Returns:
         The Markdown file.
     """
-    rows = {name: studies.get(name, ()) for name in ("ablation", "irl-methods", "many-rooms", "unseen")}
+    rows = {name: studies.get(name, ()) for name in STUDY_TEXTS}
     runs = {name: RunFolder(out / name) for name in RUN_TITLES if list((out / name).glob("results-*.json"))}
     text = ["# RELM-IRL: every table and figure, measured", "", CLAIM, ""]
     for name, folder in runs.items():
@@ -71,9 +101,10 @@ def write_study(out: Path, studies: Mapping[str, Sequence[AblationRow]]) -> Path
     ]
     for name, section in zip(runs, _sections(list(runs.values()), out), strict=True):
         text += [f"## {RUN_TITLES[name]}", "", *section]
-    text += [*_readable(_regressor, out), *_ablation(out, rows["ablation"])]
-    text += [*_irl_methods(out, rows["irl-methods"]), *_many_rooms(out, rows["many-rooms"])]
-    text += [*_unseen(out, rows["unseen"]), *_rooms_figure(out, [*rows["unseen"], *rows["many-rooms"]])]
+    text += _readable(_regressor, out)
+    for name, of_study in rows.items():
+        text += _study(out, name, of_study)
+    text += _rooms_figure(out, [*rows["unseen"], *rows["many-rooms"]])
     text += _readable(_stability, out)
     text += _readable(search_section, out / "map")
     text += ["Runs share learned rewards; the time to learn them is counted in the first run only.", ""]
@@ -173,69 +204,13 @@ def _choices(path: Path) -> list[str]:
     ]
 
 
-def _ablation(out: Path, rows: Sequence[AblationRow]) -> list[str]:
-    """The ablation: changes of metrics if one setting is changed."""
+def _study(out: Path, name: str, rows: Sequence[AblationRow]) -> list[str]:
+    """The tables of a base and its variants."""
     if not rows:
         return []
-    write_table(out / "tables" / "ablation.csv", ablation_columns(rows))
-    return [
-        "## What the paper leaves open",
-        "",
-        "RELM-IRL with one setting changed, and fewer frames and episodes than in the tables above. Changes are paired "
-        "with the base on the same seeds, ± half of the 95% interval (Student's t, without correction for multiple "
-        "comparisons); bold if the interval excludes zero, which happens for one in twenty by chance. Rank: rank of a "
-        "new target by predicted reward among the states of its scene, median over targets; 1 is best.",
-        "",
-        *_tables_by_agent(rows),
-    ]
-
-
-def _irl_methods(out: Path, rows: Sequence[AblationRow]) -> list[str]:
-    """Metrics of agents with the rewards of other methods of inverse reinforcement learning."""
-    if not rows:
-        return []
-    write_table(out / "tables" / "irl-methods.csv", ablation_columns(rows))
-    return [
-        "## Rewards of other methods of inverse reinforcement learning",
-        "",
-        "IRL, with rewards for the demonstrated targets only; the base is the maximum-margin program. Changes are "
-        "paired with the base on the same seeds and demonstrations, ± half of the 95% interval (Student's t); bold if "
-        "the interval excludes zero.",
-        "",
-        *_tables_by_agent(rows),
-    ]
-
-
-def _many_rooms(out: Path, rows: Sequence[AblationRow]) -> list[str]:
-    """Metrics of agents trained on few and many rooms."""
-    if not rows:
-        return []
-    write_table(out / "tables" / "many-rooms.csv", ablation_columns(rows))
-    return [
-        "## Memory and adaptation, trained on few and many rooms",
-        "",
-        "RL with the hand-made reward and ten training targets for each room; the base is 6 rooms. The unseen rooms of "
-        "Task III are the same in all rows. Changes are paired with the base on the same seeds, ± half of the 95% "
-        "interval (Student's t); bold if the interval excludes zero.",
-        "",
-        *_tables_by_agent(rows),
-    ]
-
-
-def _unseen(out: Path, rows: Sequence[AblationRow]) -> list[str]:
-    """Metrics of the mapping agent trained on few and many rooms."""
-    if not rows:
-        return []
-    write_table(out / "tables" / "unseen.csv", ablation_columns(rows))
-    return [
-        "## The mapping agent trained on few and many rooms, with and without random convolutions",
-        "",
-        "The base is 600 generated rooms. The number of views is the same in all rows, and so are the unseen rooms. "
-        "Changes are paired with the base on the same seeds, ± half of the 95% interval (Student's t); bold if the "
-        "interval excludes zero.",
-        "",
-        *_tables_by_agent(rows),
-    ]
+    write_table(out / "tables" / f"{name}.csv", ablation_columns(rows))
+    title, introduction = STUDY_TEXTS[name]
+    return [f"## {title}", "", introduction, "", *_tables_by_agent(rows)]
 
 
 def _rooms_figure(out: Path, rows: Sequence[AblationRow]) -> list[str]:

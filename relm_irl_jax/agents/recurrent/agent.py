@@ -11,14 +11,7 @@ from relm_irl_jax.agents.recurrent.policy import RecurrentPolicy
 from relm_irl_jax.agents.recurrent.training import init_train_state, make_network, run_updates, update_inputs
 from relm_irl_jax.agents.recurrent.unroll import tabulate
 from relm_irl_jax.agents.settings import RecurrentSettings
-from relm_irl_jax.agents.training import (
-    LearningCurve,
-    TrainState,
-    curve_from_rows,
-    learning_row,
-    run_chunks,
-    split_into_chunks,
-)
+from relm_irl_jax.agents.training import LearningCurve, TrainState, train_in_chunks
 from relm_irl_jax.types import Parameters, Requirement, TrainingLog, TrainingProblem
 from relm_irl_jax.world import Targets, World
 
@@ -43,14 +36,14 @@ class RecurrentAgent:
         """Train on a problem; see `relm_irl_jax.types.Agent`."""
         inputs, n_heads = update_inputs(problem, self.settings, self.name)
         network, t_max = make_network(self.settings, n_heads), self.settings.t_max
-        chunks = split_into_chunks(problem.frames, inputs.task.target_range.first.size * t_max)
+        frames_per_update = inputs.task.target_range.first.size * t_max
 
-        def chunk(state: TrainState, number: int):
-            state, sums = run_updates(state, inputs, network=network, t_max=t_max, updates=chunks.updates)
-            return state, learning_row(sums, number, chunks)
+        def several(state: TrainState, updates: int):
+            return run_updates(state, inputs, network=network, t_max=t_max, updates=updates)
 
-        state, rows = run_chunks(init_train_state(key, inputs, network), chunk, chunks, log)
-        return state.parameters, curve_from_rows(LearningCurve, rows)
+        state = init_train_state(key, inputs, network)
+        state, curve = train_in_chunks(state, several, problem.frames, frames_per_update, log)
+        return state.parameters, curve
 
     def policy(self, parameters: Parameters, world: World, targets: Targets) -> RecurrentPolicy:
         """Make a policy for scenes and targets; see `relm_irl_jax.types.Agent`."""

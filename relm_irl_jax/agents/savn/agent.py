@@ -12,14 +12,7 @@ from relm_irl_jax.agents.recurrent.unroll import tabulate
 from relm_irl_jax.agents.savn.policy import SavnPolicy
 from relm_irl_jax.agents.savn.training import init_train_state, make_adaptation, meta_inputs, run_updates
 from relm_irl_jax.agents.settings import SavnSettings
-from relm_irl_jax.agents.training import (
-    LearningCurve,
-    TrainState,
-    curve_from_rows,
-    learning_row,
-    run_chunks,
-    split_into_chunks,
-)
+from relm_irl_jax.agents.training import LearningCurve, TrainState, train_in_chunks
 from relm_irl_jax.types import Parameters, Requirement, TrainingLog, TrainingProblem
 from relm_irl_jax.world import Targets, World
 
@@ -46,15 +39,15 @@ class SavnAgent:
         """Train on a problem; see `relm_irl_jax.types.Agent`."""
         inputs, n_heads = meta_inputs(problem, self.settings)
         network, t_max = make_network(self.settings, n_heads), self.settings.t_max
-        chunks = split_into_chunks(problem.frames, inputs.task.target_range.first.size * t_max)
+        frames_per_update = inputs.task.target_range.first.size * t_max
         windows = t_max // self.settings.interval
 
-        def chunk(state: TrainState, number: int):
-            state, sums = run_updates(state, inputs, network=network, windows=windows, updates=chunks.updates)
-            return state, learning_row(sums, number, chunks)
+        def several(state: TrainState, updates: int):
+            return run_updates(state, inputs, network=network, windows=windows, updates=updates)
 
-        state, rows = run_chunks(init_train_state(key, inputs, network), chunk, chunks, log)
-        return state.parameters, curve_from_rows(LearningCurve, rows)
+        state = init_train_state(key, inputs, network)
+        state, curve = train_in_chunks(state, several, problem.frames, frames_per_update, log)
+        return state.parameters, curve
 
     def policy(self, parameters: Parameters, world: World, targets: Targets) -> SavnPolicy:
         """Make a policy for scenes and targets; see `relm_irl_jax.types.Agent`."""

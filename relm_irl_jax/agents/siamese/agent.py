@@ -21,14 +21,7 @@ from relm_irl_jax.agents.siamese.training import (
     scene_heads,
     update_form,
 )
-from relm_irl_jax.agents.training import (
-    LearningCurve,
-    TrainState,
-    curve_from_rows,
-    learning_row,
-    run_chunks,
-    split_into_chunks,
-)
+from relm_irl_jax.agents.training import LearningCurve, TrainState, train_in_chunks
 from relm_irl_jax.types import Parameters, Requirement, TrainingLog, TrainingProblem
 from relm_irl_jax.world import Targets, World
 
@@ -63,15 +56,13 @@ class SiameseAgent:
         devices = usable_devices(self.settings.workers // n_heads, self.devices)
         state, inputs, form = prepare_training(key, problem, self.settings, len(devices))
         state, inputs = shard_workers(state, inputs, devices)
-        workers = inputs.task.target_range.first.size
-        chunks = split_into_chunks(problem.frames, workers * self.settings.t_max)
+        frames_per_update = inputs.task.target_range.first.size * self.settings.t_max
 
-        def chunk(state: TrainState, number: int):
-            state, sums = run_updates(state, inputs, form=form, updates=chunks.updates)
-            return state, learning_row(sums, number, chunks)
+        def several(state: TrainState, updates: int):
+            return run_updates(state, inputs, form=form, updates=updates)
 
-        state, rows = run_chunks(state, chunk, chunks, log)
-        return state.parameters, curve_from_rows(LearningCurve, rows)
+        state, curve = train_in_chunks(state, several, problem.frames, frames_per_update, log)
+        return state.parameters, curve
 
     def policy(self, parameters: Parameters, world: World, targets: Targets) -> PairPolicy | SeveralViewsPolicy:
         """Make a policy for scenes and targets; see `relm_irl_jax.types.Agent`."""

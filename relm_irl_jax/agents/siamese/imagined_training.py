@@ -18,7 +18,7 @@ from relm_irl_jax.agents.siamese.training import (
     update_form,
 )
 from relm_irl_jax.agents.siamese.update import UpdateForm, make_optimizer
-from relm_irl_jax.agents.training import LearningCurve, curve_from_rows, learning_row, run_chunks, split_into_chunks
+from relm_irl_jax.agents.training import LearningCurve, train_in_chunks
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.types import Parameters, TrainingLog, TrainingProblem
 
@@ -41,14 +41,13 @@ def train_on_imagined(
         InputError: the settings do not suit the problem.
     """
     state, inputs, form = prepare_imagined(key, problem, settings)
-    chunks = split_into_chunks(problem.frames, inputs.pairs.worker_first.size * settings.t_max)
+    frames_per_update = inputs.pairs.worker_first.size * settings.t_max
 
-    def chunk(state: ImaginedState, number: int):
-        state, sums = run_imagined_updates(state, inputs, form=form, updates=chunks.updates)
-        return state, learning_row(sums, number, chunks)
+    def several(state: ImaginedState, updates: int):
+        return run_imagined_updates(state, inputs, form=form, updates=updates)
 
-    state, rows = run_chunks(state, chunk, chunks, log)
-    return state.parameters, curve_from_rows(LearningCurve, rows)
+    state, curve = train_in_chunks(state, several, problem.frames, frames_per_update, log)
+    return state.parameters, curve
 
 
 def prepare_imagined(
