@@ -11,10 +11,10 @@ from scipy.signal import correlate
 
 from relm_irl_jax.agents.map.agent import draw_chunk, train_on_rooms
 from relm_irl_jax.agents.map.augmentation import draw_filter, random_convolution
-from relm_irl_jax.agents.map.geometry import RADIUS
+from relm_irl_jax.agents.map.geometry import Extent
 from relm_irl_jax.agents.map.loss import initial_parameters, prefix_lengths
 from relm_irl_jax.agents.map.network import VIEW, MapNetwork
-from relm_irl_jax.agents.map.rooms import room_from_graph, to_room
+from relm_irl_jax.agents.map.rooms import places_along_side, room_from_graph, to_room
 from relm_irl_jax.agents.map.training_rooms import GeneratedRooms, GivenRooms
 from relm_irl_jax.agents.map.walks import draw_walks, relative_pose
 from relm_irl_jax.agents.map.weights import load_weights, save_weights
@@ -52,9 +52,9 @@ def test_walks_are_odometry(scene):
     for number in range(5):
         poses = walks.pose[number][walks.valid[number]]
         assert len(set(map(tuple, poses.tolist()))) == len(poses)
-        assert walks.free[number, poses[:, 1] + RADIUS, poses[:, 2] + RADIUS].all()
+        assert walks.free[number, poses[:, 1] + Extent().radius, poses[:, 2] + Extent().radius].all()
         assert walks.free[
-            number, walks.target_pose[number, :, 1] + RADIUS, walks.target_pose[number, :, 2] + RADIUS
+            number, walks.target_pose[number, :, 1] + Extent().radius, walks.target_pose[number, :, 2] + Extent().radius
         ].all()
     # The same view has the same place relative to another view in every walk.
     state = np.array([[int((room.views == view).all((1, 2, 3)).argmax()) for view in row] for row in walks.views])
@@ -82,13 +82,37 @@ def test_states_that_the_first_cannot_reach_are_left_out(scene):
     np.testing.assert_array_equal(room.targets, [5])
 
 
-def test_large_scenes_are_refused():
-    scene = grid_scene(RADIUS + 2, 1)
-    scene = replace(scene, observation=np.zeros((scene.n_states, 2, 2, 3), np.uint8))
-    with pytest.raises(InputError, match="map holds 17"):
-        to_room(scene)
-    with pytest.raises(InputError, match="map holds 17"):
-        room_from_graph(scene.views, successors(scene.graph), np.zeros(0, np.int32), np.zeros(0, np.int32))
+def test_places_along_a_side():
+    assert places_along_side(successors(grid_scene(5, 3).graph)) == 5
+    assert places_along_side(successors(grid_scene(40, 1).graph)) == 40
+    apart = np.concatenate([successors(grid_scene(2, 1).graph), 8 + successors(grid_scene(1, 7).graph)])
+    assert places_along_side(apart) == 7
+
+
+@pytest.fixture(scope="module")
+def corridor():
+    """A corridor of 40 places, the grey of whose views numbers them."""
+    bare = grid_scene(40, 1)
+    views = np.broadcast_to((np.arange(160) // 4)[:, None, None, None], (160, 2, 2, 3)).astype(np.uint8)
+    return to_room(replace(bare, observation=views))
+
+
+def test_walks_and_targets_keep_to_the_extent_of_a_wide_scene(corridor):
+    reached = set()
+    for seed in range(20):
+        walks = draw_walks(corridor, np.random.default_rng(seed), walks=1, steps=60, targets=9, best_share=0.5)
+        place, start = walks.views[0, :, 0, 0, 0].astype(int), int(walks.views[0, 0, 0, 0, 0])
+        assert np.abs(place - start).max() <= 16
+        assert walks.free.sum() == min(start + 16, 39) - max(start - 16, 0) + 1
+        assert np.abs(walks.target_views[:, 0, 0, 0].astype(int) - start).max() <= 16
+        assert np.abs(walks.target_pose[..., 1:]).max() <= 16
+        reached |= set(place.tolist())
+    assert len(reached) > 35
+    wide = draw_walks(
+        corridor, np.random.default_rng(0), walks=1, steps=9, targets=9, best_share=0.5, extent=Extent(40)
+    )
+    assert wide.extent == Extent(40)
+    assert wide.free.sum() == 40
 
 
 def test_targets_are_drawn_among_those_allowed(scene):
