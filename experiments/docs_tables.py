@@ -10,6 +10,7 @@ A page says where a table belongs, and which, between two comments:
     <!-- table: summary siamese siamese-long -->    SR and SPL of several pieces, and the paper's
     <!-- table: rooms unseen many-rooms -->         success in unseen rooms against the number of training rooms
     <!-- table: search -->                          the mapping agent in unseen rooms
+    <!-- table: maps map-vizdoom -->                the mapping agent in unseen recorded maps
     <!-- /table -->
 """
 
@@ -27,7 +28,7 @@ from relm_irl_jax.report.names import TASK_NAMES, in_order, method_name
 from relm_irl_jax.report.tables import MEAN, paper_value
 from relm_irl_jax.results import TASKS
 from relm_irl_jax.studies.page import RUN_TITLES
-from relm_irl_jax.studies.search_page import saved_rows, search_table
+from relm_irl_jax.studies.search_page import maps_table, saved_rows, search_table
 
 ROOT = Path(__file__).parents[1]
 TABLES = ROOT / "docs" / "tables"
@@ -49,8 +50,9 @@ def copy_tables(study: Path) -> None:
                 shutil.copyfile(path, TABLES / f"{name}-{path.name}")
     for path in (study / "tables").glob("*.csv"):
         shutil.copyfile(path, TABLES / path.name)
-    for path in (study / "map").glob("*.csv"):
-        shutil.copyfile(path, TABLES / "map" / path.name)
+    for name in ("map", "map-vizdoom"):
+        for path in (study / name).glob("*.csv"):
+            shutil.copyfile(path, TABLES / name / path.name)
 
 
 def written(page: str) -> str:
@@ -161,12 +163,18 @@ def _search() -> list[str]:
     return search_table(saved_rows(TABLES / "map"), TABLES / "map")
 
 
+def _maps(name: str) -> list[str]:
+    """The mapping agent in unseen recorded maps."""
+    return maps_table(saved_rows(TABLES / name), TABLES / name)
+
+
 KINDS: dict[str, Callable[..., list[str]]] = {
     "tasks": _tasks,
     "differences": _differences,
     "summary": _summary,
     "rooms": _rooms,
     "search": _search,
+    "maps": _maps,
 }
 """What fills a table, by kind."""
 

@@ -3,15 +3,15 @@
     make paper                                all pieces, then runs/paper/report.html
     make paper PIECE=metric                   one of siamese, siamese-long, siamese-told, siamese-rooms, metric,
                                               metric-long, metric-open, metric-no-hindsight, vizdoom, elm, stability,
-                                              ablation, irl-methods, map, unseen, many-rooms, report
+                                              ablation, irl-methods, map, map-vizdoom, unseen, many-rooms, report
     make paper PIECE=ablation VARIANT=lp      one variant, and the base that it is compared with
     make paper QUICK=1                        the same code on tiny rooms, in runs/paper-quick
     make paper JOBS=4                         four runs at a time, each in a process of its own
 
 Tables 1 to 3 and Figures 6 and 11 are of the pieces `siamese` (the paper's agent) and `metric`, Figures 7 to 10 of
 `elm`. The piece `map` measures the mapping agent in unseen rooms. Some pieces run only where they are named:
-`vizdoom`, whose scenes have to be recorded first, `siamese-long` and `metric-long`, which train with more frames, and
-`siamese-rooms`, `unseen` and `many-rooms`, which train on up to hundreds of rooms. The presets lie in
+`vizdoom` and `map-vizdoom`, whose scenes have to be recorded first, `siamese-long` and `metric-long`, which train with
+more frames, and `siamese-rooms`, `unseen` and `many-rooms`, which train on up to hundreds of rooms. The presets lie in
 experiments/paper. Runs go where joblib's context sends them: a script that calls `main` within
 `joblib.parallel_config` can spread them over a cluster.
 """
@@ -56,11 +56,12 @@ Piece = Literal[
     "ablation",
     "irl-methods",
     "map",
+    "map-vizdoom",
     "unseen",
     "many-rooms",
     "report",
 ]
-NAMED = ("vizdoom", "siamese-long", "siamese-rooms", "metric-long", "unseen", "many-rooms")
+NAMED = ("vizdoom", "map-vizdoom", "siamese-long", "siamese-rooms", "metric-long", "unseen", "many-rooms")
 """Pieces that run only where they are named."""
 
 PIECES: tuple[Piece, ...] = tuple(piece for piece in get_args(Piece) if piece not in NAMED)
@@ -118,6 +119,8 @@ def main(settings: Paper) -> Path:
         irl_stability.main(irl_stability.Study(out / "stability", trajectories=walks, config=config))
     if "map" in settings.pieces:
         search_study.main(load_preset(PRESETS / "map.toml", overlays), out / "map", quick=settings.quick)
+    if "map-vizdoom" in settings.pieces:
+        search_study.maps(load_preset(PRESETS / "map-vizdoom.toml", overlays), out / "map-vizdoom")
     rows = {name: ablation_rows(study, changes, out / name) for name, study in studies.items()}
     with parallel_config(n_jobs=settings.jobs) if settings.jobs > 1 else nullcontext():
         path = write_study(out, rows).with_suffix(".html")
