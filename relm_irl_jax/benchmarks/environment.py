@@ -5,7 +5,7 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Int32, PRNGKeyArray
+from jaxtyping import Array, Int32, Key, PRNGKeyArray
 
 from relm_irl_jax import env
 from relm_irl_jax.env import Episode, TargetRange
@@ -30,7 +30,7 @@ def environment_program(problem: TrainingProblem, workers: int) -> Callable[[], 
     target_range = TargetRange(jnp.zeros_like(count), count)
 
     @jax.jit
-    def run(episode: Episode, actions: Int32[Array, "step 1 worker"], keys: PRNGKeyArray):
+    def run(episode: Episode, actions: Int32[Array, "step 1 worker"], keys: Key[Array, "_"]):
         def advance(episode: Episode, drawn: tuple[Int32[Array, "1 worker"], PRNGKeyArray]):
             action, key = drawn
             following, transition = env.step(episode, action, world, targets, cap)
@@ -65,7 +65,7 @@ def gymnax_program(workers: int) -> Callable[[], Any] | None:
     environment, params = gymnax.make("FourRooms-misc")
 
     @jax.jit
-    def run(state: Any, actions: Int32[Array, "step worker"], keys: PRNGKeyArray):
+    def run(state: Any, actions: Int32[Array, "step worker"], keys: Key[Array, "_"]):
         def advance(state: Any, drawn: tuple[Int32[Array, " worker"], PRNGKeyArray]):
             action, key = drawn
             _, state, _, *ended = jax.vmap(environment.step, (0, 0, 0, None))(

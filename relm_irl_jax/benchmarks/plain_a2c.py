@@ -13,7 +13,7 @@ import flax.linen as nn
 import jax
 import jax.numpy as jnp
 import optax
-from jaxtyping import Array, Bool, Float32, Int32, PRNGKeyArray
+from jaxtyping import Array, Bool, Float32, Int32, Key, PRNGKeyArray
 
 from relm_irl_jax.agents.settings import SiameseSettings
 from relm_irl_jax.gym.functional import EnvParams, FunctionalEnv, Observation
@@ -87,7 +87,7 @@ def plain_program(problem: TrainingProblem, settings: SiameseSettings, updates: 
         last = evaluate(parameters, observation)[1]
 
         def backward(following: Float32[Array, " worker"], step: Step):
-            value = step.reward + settings.discount * following * (1.0 - step.done)
+            value = step.reward + jnp.where(step.done, 0.0, settings.discount * following)
             return value, value
 
         _, returns = jax.lax.scan(backward, last, steps, reverse=True)
@@ -96,7 +96,7 @@ def plain_program(problem: TrainingProblem, settings: SiameseSettings, updates: 
         return (optax.apply_updates(parameters, change), moments, observation, state), steps.reward.mean()
 
     @jax.jit
-    def run(parameters: Any, moments: Any, observation: Observation, state: Any, keys: PRNGKeyArray):
+    def run(parameters: Any, moments: Any, observation: Observation, state: Any, keys: Key[Array, "_"]):
         (parameters, *_), reward = jax.lax.scan(update, (parameters, moments, observation, state), keys)
         return parameters, reward
 
