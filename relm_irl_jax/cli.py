@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import ValidationError
 
-from relm_irl_jax.errors import DivergenceError, InputError, first_fault, printable, system_fault
+from relm_irl_jax.errors import DivergenceError, InputError, first_fault, is_memory_fault, printable, system_fault
 from relm_irl_jax.help_pages import COMMANDS, overview, train_help
 from relm_irl_jax.interruption import Resume
 from relm_irl_jax.lazy import deferred
@@ -97,6 +97,10 @@ def main() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)
     except (OSError, MemoryError, UnicodeError) as error:
+        _exit_with_error(system_fault(error))
+    except RuntimeError as error:  # JAX's errors are of this kind
+        if not is_memory_fault(error):
+            raise
         _exit_with_error(system_fault(error))
 
 

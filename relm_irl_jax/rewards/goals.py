@@ -101,7 +101,7 @@ def demonstrated_goals(scenes: Sequence[Scene], split: TaskSplit, hindsight: str
     """
     weights: list[dict[int, list[np.ndarray]]] = [{} for _ in scenes]
     for reward in learned.demonstrated:
-        weights[reward.target.scene].setdefault(reward.target.state, []).append(reward.solution.w)
+        weights[reward.target.scene].setdefault(reward.target.state, []).append(reward.weights)
     states = [
         np.asarray([state for state in allowed.tolist() if state in of_scene])
         for allowed, of_scene in zip(goal_states(scenes, split, hindsight), weights, strict=True)

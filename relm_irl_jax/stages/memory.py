@@ -9,6 +9,7 @@ from relm_irl_jax.config import Config
 from relm_irl_jax.features.resnet import N_FEATURES
 from relm_irl_jax.hardware import require_memory
 from relm_irl_jax.results import PREDICTED
+from relm_irl_jax.rewards.predicted import SCENES_AT_ONCE
 from relm_irl_jax.scenes.scene import Scene, successors
 from relm_irl_jax.scenes.selection import unseen_scenes
 from relm_irl_jax.scenes.settings import ROOM_TYPES, ROOMS
@@ -112,10 +113,11 @@ def _evaluated(config: Config, scenes: Sequence[Scene]) -> Sequence[Scene]:
 def _predictions(config: Config, sizes: Sequence[int]) -> dict[str, int]:
     """Bytes of tables of predicted rewards."""
     states, siamese = sum(sizes), config.siamese
+    projected = sum(sorted(sizes)[-SCENES_AT_ONCE:])
     weights = config.tasks.training_targets * min(sizes) * (config.irl.dimension or 1)
     needed = {
         # Every view's as a start and as a target, their sum and its activation.
-        f"elm.hidden: the neurons of {states:,} states": 2 * (states + max(sizes)) * config.elm.hidden * FLOAT64,
+        f"elm.hidden: the neurons of {projected:,} states": 2 * (projected + max(sizes)) * config.elm.hidden * FLOAT64,
         "tasks.training_targets and irl.dimension: the predicted weights of every state": weights * COPIES * FLOAT32,
     }
     if "imagined" in make_agent(config, "relm-irl").requires:

@@ -164,19 +164,17 @@ def test_weights_may_come_from_another_method(rooms, split, method):
     assert [record.target for record in found.demonstrated] == list(split.training)
     for record in found.demonstrated:
         phi = found.phi[record.target.scene]
-        assert np.abs((phi - phi[record.target.state]) @ record.solution.w).max() <= 1 + 1e-6
+        assert np.abs((phi - phi[record.target.state]) @ record.weights).max() <= 1 + 1e-6
 
 
 def test_rewards_obey_their_bounds_and_are_best_at_the_target(rooms, learned):
     for record in learned.demonstrated:
         scene, target = rooms[record.target.scene], record.target.state
         phi = learned.phi[record.target.scene]
-        values = (phi - phi[target]) @ record.solution.w
+        values = (phi - phi[target]) @ record.weights
         assert values.max() < 1e-6
         assert values.min() > -1 - 1e-6
-        assert reward_quality(scene, target, phi, record.solution.w, learned.form).rank <= 1 + int(
-            (values > -1e-9).sum()
-        )
+        assert reward_quality(scene, target, phi, record.weights, learned.form).rank <= 1 + int((values > -1e-9).sum())
 
 
 def test_episodes_are_paid_by_the_weights_of_their_target(rooms, split, learned):
@@ -184,7 +182,7 @@ def test_episodes_are_paid_by_the_weights_of_their_target(rooms, split, learned)
     for row, target in enumerate(split.training):
         record = next(r for r in learned.demonstrated if r.target == target)
         used = np.asarray(model.weights)[np.asarray(model.row)[row, : rooms[target.scene].n_states]]
-        np.testing.assert_allclose(used, np.broadcast_to(record.solution.w, used.shape), rtol=1e-6)
+        np.testing.assert_allclose(used, np.broadcast_to(record.weights, used.shape), rtol=1e-6)
 
 
 def test_single_trajectories_have_weights_of_their_own(rooms, split, learned):
@@ -217,7 +215,7 @@ def test_problems_of_large_scenes_are_solved_in_parts(rooms, split, learned, mon
     assert [said for _, said in parts] == [f"inverse RL, part {i + 1}/{len(parts)}" for i in range(len(parts))]
     assert [record.target for record in records] == [record.target for record in learned.demonstrated]
     for one, other in zip(records, learned.demonstrated, strict=True):
-        np.testing.assert_array_equal(one.solution.w, other.solution.w)
+        np.testing.assert_array_equal(one.weights, other.weights)
 
 
 def test_predictions_follow_the_pairs_they_were_fitted_on(rooms, split, learned, data, regressors, predictor):
