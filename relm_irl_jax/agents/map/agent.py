@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float64, PRNGKeyArray, UInt8
 
-from relm_irl_jax.agents.map.augmentation import draw_filter
+from relm_irl_jax.agents.map.augmentation import draw_filter, gamma_corrected
 from relm_irl_jax.agents.map.filled import fill_maps
 from relm_irl_jax.agents.map.loss import Losses, initial_parameters
 from relm_irl_jax.agents.map.network import VIEW, MapNetwork, look
@@ -120,7 +120,8 @@ class MapAgent:
         if not fits(parameters, self.network):
             raise ValueError("the parameters do not fit the network")
         views = world_views(self.views, world)
-        projections = look(self.network, parameters["network"], jnp.asarray(views))
+        seen = gamma_corrected(views, self.settings.gamma)
+        projections = look(self.network, parameters["network"], jnp.asarray(seen))
         known = self.settings.memory == "filled" and bool((np.asarray(world.training_scene) >= 0).all())
         extent = world_extent(world)
         filled = fill_maps(projections.record, views, world, extent) if known else None
@@ -218,6 +219,11 @@ def draw_chunk(rooms: TrainingRooms, settings: MapSettings, seed: int, number: i
             steps=settings.views,
             targets=settings.targets,
             best_share=settings.best_share,
+        )
+        walks = replace(
+            walks,
+            views=gamma_corrected(walks.views, settings.gamma),
+            target_views=gamma_corrected(walks.target_views, settings.gamma),
         )
         if settings.augmentation == "random-convolution":
             walks = replace(walks, convolution=draw_filter(generator))

@@ -9,6 +9,7 @@ import pytest
 from builders import grid_scene
 
 from relm_irl_jax.agents.map.agent import MapAgent, world_rooms, world_views
+from relm_irl_jax.agents.map.augmentation import gamma_corrected
 from relm_irl_jax.agents.map.geometry import Extent
 from relm_irl_jax.agents.map.loss import initial_parameters
 from relm_irl_jax.agents.map.memory import move, start_odometry
@@ -223,6 +224,15 @@ def test_unseen_scenes_begin_with_an_empty_memory(parameters, room):
     world = dataclasses.replace(world_of(room[0]), training_scene=jnp.asarray([-1]))
     agent = MapAgent(lambda _: room[1], MapSettings(memory="filled"), network=NETWORK)
     assert agent.policy(parameters, world, targets_of(3)).filled is None
+
+
+def test_views_are_corrected_in_search_as_in_training(parameters, room):
+    successor, images = room
+    bright = MapAgent(lambda _: images, MapSettings(gamma=0.5), network=NETWORK)
+    given = MapAgent(lambda _: gamma_corrected(images, 0.5), network=NETWORK)
+    policies = [agent.policy(parameters, world_of(successor), targets_of(40, 21)) for agent in (bright, given)]
+    for name in ("record", "kernel"):
+        np.testing.assert_array_equal(*(getattr(policy, name) for policy in policies))
 
 
 def test_a_wider_map_says_the_same_about_a_room(parameters, room, reference):

@@ -10,9 +10,9 @@ from interruption import assert_same, interrupt, resume
 from scipy.signal import correlate
 
 from relm_irl_jax.agents.map.agent import draw_chunk, train_on_rooms
-from relm_irl_jax.agents.map.augmentation import draw_filter, random_convolution
+from relm_irl_jax.agents.map.augmentation import draw_filter, gamma_corrected, random_convolution
 from relm_irl_jax.agents.map.geometry import Extent
-from relm_irl_jax.agents.map.loss import initial_parameters, prefix_lengths
+from relm_irl_jax.agents.map.loss import compute_loss, initial_parameters, prefix_lengths
 from relm_irl_jax.agents.map.network import VIEW, MapNetwork
 from relm_irl_jax.agents.map.rooms import places_along_side, room_from_graph, to_room
 from relm_irl_jax.agents.map.training_rooms import GeneratedRooms, GivenRooms
@@ -115,6 +115,21 @@ def test_walks_and_targets_keep_to_the_extent_of_a_wide_scene(corridor):
     assert wide.free.sum() == 40
 
 
+@pytest.mark.slow
+def test_targets_beyond_the_extent_of_a_walk_teach_nothing(scene):
+    network = MapNetwork(width=16, channels=8)
+    walks = draw_walks(to_room(scene), np.random.default_rng(0), walks=1, steps=4, targets=2, best_share=0.0)
+    pose = walks.target_pose.copy()
+    pose[0, 0], pose[0, 1] = (2, -16, 16), (0, 17, 0)
+    both = replace(walks, target_pose=pose)
+    one = replace(walks, target_pose=pose[:, :1], target_views=walks.target_views[:1])
+    parameters = initial_parameters(network)
+    loss = jax.jit(compute_loss, static_argnames="network")
+    two, single = (loss(parameters, each, network, jnp.float32(1))[1] for each in (both, one))
+    np.testing.assert_allclose(two.pose, single.pose, rtol=1e-4)
+    assert (single.pose > 1).all()
+
+
 def test_targets_are_drawn_among_those_allowed(scene):
     allowed = np.array([2, 5, 9])
     room = room_from_graph(scene.views, successors(scene.graph), np.array([7]), allowed)
@@ -160,6 +175,16 @@ def test_random_convolutions_are_the_same_for_all_views_of_an_update(scene):
     ]
     expected = np.reshape(expected, (len(views), 3, 3, VIEW, VIEW)).sum(2).transpose(0, 2, 3, 1)
     np.testing.assert_allclose(filtered / 127.5 - 1.0, expected, atol=1e-4)
+
+
+def test_gamma_correction_by_hand(scene):
+    grey = np.array([[[0] * 3, [64] * 3, [255] * 3]], np.uint8)
+    np.testing.assert_array_equal(gamma_corrected(grey, 0.5)[0, :, 0], (0, 128, 255))  # 255 √(64 / 255) = 127.7
+    assert gamma_corrected(grey, 1.0) is grey
+    rooms, settings = GivenRooms([to_room(scene)]), MapSettings(views=4, targets=2)
+    (plain,), (bright,) = (draw_chunk(rooms, replace(settings, gamma=g), 3, 5, Chunks(9, 1, 8)) for g in (1.0, 0.5))
+    np.testing.assert_array_equal(bright.views, gamma_corrected(plain.views, 0.5))
+    np.testing.assert_array_equal(bright.target_views, gamma_corrected(plain.target_views, 0.5))
 
 
 def test_one_convolution_in_ten_is_the_identity(scene):
