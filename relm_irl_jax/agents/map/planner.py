@@ -138,7 +138,7 @@ def plan(
     )
     distance, value = from_lines(lines), from_lines(discoveries((along_z, along_x), lines, cost))
     # Of equally valuable poses, the nearest: the path's end adds nothing beyond its last likely pose.
-    nearer = small_gain(value.max((0, 1, 2))) * distance
+    nearer = small_gain(value.max((0, 1, 2)), len(cost)) * distance
     worth = jnp.where((distance < NEVER) & (distance > 0), value - nearer, -1.0)
     goal = worth.reshape(-1, worth.shape[-1]).argmax(0).astype(jnp.int32)
     stuck = worth.max((0, 1, 2)) < 0

@@ -145,16 +145,17 @@ def _parents(distance: Lines, others: Lines, cost: LineCosts) -> _Parents:
     return _Parents(last, following, (one, other))
 
 
-def small_gain(largest: Float32[Array, "batch"]) -> Float32[Array, "batch"]:
-    """A gain that makes no difference: 1e-7, or less where all that may be gained is discounted by a long way.
+def small_gain(largest: Float32[Array, "batch"], side: int) -> Float32[Array, "batch"]:
+    """A gain that makes no difference: 1e-7, and in a wide scene less where all gains are discounted by a long way.
 
     Args:
         largest: the largest gain.
+        side: rows of the square of poses. Rooms keep 1e-7, with which their numbers were measured.
 
     Returns:
         It.
     """
-    return jnp.minimum(1e-7, 1e-3 * largest)
+    return jnp.full_like(largest, 1e-7) if side <= Extent().side else jnp.minimum(1e-7, 1e-3 * largest)
 
 
 def discoveries(gain: Along, distance: Along, cost: Float32[Array, "z x batch"]) -> Along:
@@ -172,7 +173,7 @@ def discoveries(gain: Along, distance: Along, cost: Float32[Array, "z x batch"])
     """
     cost_z, cost_x = costs_of_lines(cost)
     parents_z, parents_x = _parents(*distance, cost_z), _parents(*distance[::-1], cost_x)
-    small = small_gain(jnp.maximum(*(lines.max((0, 1, 2)) for lines in gain)))
+    small = small_gain(jnp.maximum(*(lines.max((0, 1, 2)) for lines in gain)), len(cost))
 
     def extend(carry):
         _, before, _ = carry

@@ -136,13 +136,14 @@ def test_costs_of_places():
 
 
 def test_a_path_of_many_turns_is_followed_from_its_beginning():
-    """Corridors that run to and fro across the whole square: 576 steps, more than four times its side."""
-    cost = np.full((SIDE, SIDE, 1), NEVER, np.float32)
-    cost[::2] = 1
-    cost[1::4, -1] = cost[3::4, 0] = 1
-    posterior = jnp.zeros((4, SIDE, SIDE, 1)).at[1, 0, 0, 0].set(1.0)
-    start = jnp.array([[0], [RADIUS], [RADIUS]], jnp.int32)
+    """Corridors that run to and fro across a square wider than that of rooms: 448 steps, far more than its side."""
+    side = Extent(24).side
+    cost = np.full((side, side, 1), NEVER, np.float32)
+    cost[:18:2] = 1
+    cost[1:16:4, -1] = cost[3:16:4, 0] = 1
+    posterior = jnp.zeros((4, side, side, 1)).at[1, 0, 0, 0].set(1.0)
+    start = jnp.array([[0], [16 - 24], [24]], jnp.int32)
     chosen = jitted(posterior, jnp.asarray(cost), start, DISCOUNT)
-    assert int(chosen.goal[0]) == SIDE**2
+    assert int(chosen.goal[0]) == side**2
     assert chosen.action[0] in (RIGHT, LEFT)  # the corridor of the start runs along x
-    np.testing.assert_allclose(chosen.distance[1, 0, 0, 0], 17 * 32 + 16 * 2 + 1 + 2 * 16)
+    np.testing.assert_allclose(chosen.distance[1, 0, 0, 0], 9 * 48 + 8 * 2 + 1 + 2 * 8)
