@@ -73,14 +73,16 @@ def training_problem(config: Config, method: Method, inputs: SeedInputs, agent: 
     # The hand-made reward needs no scale: an additional step changes its return by about as much as a learned reward's
     # scaled return, so that the entropy bonus has a similar effect in both.
     learned_scale = config.irl.max_margin.r_max * config.irl.cost_horizon
+    imagined = imagined_of(config, method, inputs, predictor) if "imagined" in agent.requires else None
     return TrainingProblem(
         world=standardised_world(scenes, scenes),
         targets=targets,
-        reward=reward_of(config, method, inputs, predictor),
+        # Imagined targets have their own rewards; predicting those of all pairs of given targets would be in vain.
+        reward=reward_of(config, method, inputs, predictor) if imagined is None else manual_reward(config.manual),
         cap=config.tasks.cap,
         frames=config.training_frames,
         return_scale=1.0 if method in ("rl", "bc") else learned_scale,
-        imagined=imagined_of(config, method, inputs, predictor) if "imagined" in agent.requires else None,
+        imagined=imagined,
         goals=goals_of(config, method, inputs, predictor) if "goals" in agent.requires else None,
         demonstrations=demonstrations_of(config, inputs) if "demonstrations" in agent.requires else None,
     )
