@@ -1,6 +1,7 @@
 """The tables of the documentation, from the committed CSV files and from nothing else: `make tables`.
 
     make tables RUN=runs/paper    copy the tables of a study into docs/tables, then write those of the pages
+    make tables RUN=runs/bench    the same with what the benchmarks have measured
     make tables                   write those of the pages from docs/tables
 
 A page says where a table belongs, and which, between two comments:
@@ -10,6 +11,10 @@ A page says where a table belongs, and which, between two comments:
     <!-- table: summary siamese siamese-long -->    SR and SPL of several pieces, and the paper's
     <!-- table: rooms unseen many-rooms -->         success in unseen rooms against the number of training rooms
     <!-- table: search -->                          the mapping agent in unseen rooms
+    <!-- table: peers -->                           speed of every part beside another library
+    <!-- table: rates -->                           frames per second of the paper's agent by number of workers
+    <!-- table: devices -->                         an update on several virtual devices
+    <!-- table: gpu -->                             frames per second of trainings on a GPU
     <!-- /table -->
 """
 
@@ -33,6 +38,9 @@ ROOT = Path(__file__).parents[1]
 TABLES = ROOT / "docs" / "tables"
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
 
+BENCHMARKS = ("peers", "agent", "scaling")
+"""Benchmarks with tables in the documentation."""
+
 BLOCK = re.compile(r"(<!-- table: ([a-z-]+)((?: [\w-]+)*) -->\n).*?(<!-- /table -->)", re.DOTALL)
 """A table of a page: its first line, kind, arguments, and last line."""
 
@@ -51,6 +59,9 @@ def copy_tables(study: Path) -> None:
         shutil.copyfile(path, TABLES / path.name)
     for path in (study / "map").glob("*.csv"):
         shutil.copyfile(path, TABLES / "map" / path.name)
+    for name in BENCHMARKS:
+        if (path := study / name / f"{name}.csv").is_file():
+            shutil.copyfile(path, TABLES / f"speed-{name}.csv")
 
 
 def written(page: str) -> str:
@@ -161,12 +172,78 @@ def _search() -> list[str]:
     return search_table(saved_rows(TABLES / "map"), TABLES / "map")
 
 
+def _peers() -> list[str]:
+    """Rates of this package and of the peer, and their ratio."""
+    rows = read_table(TABLES / "speed-peers.csv")
+    lines = ["| | | Here, per second | Peer | Its rate | Ratio |", "|---|---|---:|---|---:|---:|"]
+    columns = (rows[name] for name in ("part", "unit", "ours", "peer", "theirs", "ratio"))
+    for part, unit, ours, peer, theirs, ratio in zip(*columns, strict=True):
+        lines.append(f"| {part} | {unit} | {_rate(ours)} | {peer} | {_rate(theirs)} | {_rate(ratio)} |")
+    return [f"{rows['computer'][0]}:", "", *lines]
+
+
+def _rates() -> list[str]:
+    """Frames per second of the environment, of acting and of training with one observed view."""
+    rows = read_table(TABLES / "speed-agent.csv")
+    found = {
+        (case, int(workers)): rate
+        for case, history, workers, rate in zip(
+            rows["case"], rows["history"], rows["workers"], rows["frames_per_second"], strict=True
+        )
+        if history == "1"
+    }
+    counts = sorted({workers for _, workers in found})
+    lines = ["| Frames per second | " + " | ".join(f"{count} workers" for count in counts) + " |"]
+    lines.append("|---|" + "---:|" * len(counts))
+    for case in dict.fromkeys(case for case, _ in found):
+        cells = [_rate(found[case, count]) if (case, count) in found else "" for count in counts]
+        lines.append(f"| {case} | " + " | ".join(cells) + " |")
+    return lines
+
+
+def _devices() -> list[str]:
+    """Time of an update, and its ratio to that of one device times their number."""
+    rows = read_table(TABLES / "speed-scaling.csv")
+    columns = zip(rows["devices"], rows["workers"], map(float, rows["update_seconds"]), strict=True)
+    lines, alone = ["| Devices | Workers | Update | Ratio |", "|---:|---:|---:|---:|"], None
+    for devices, workers, seconds in columns:
+        alone = alone or seconds / int(devices)
+        ratio = seconds / alone / int(devices)
+        lines.append(f"| {devices} | {workers} | {1e3 * seconds:.0f} ms | {ratio:.2f} |")
+    return lines
+
+
+def _gpu() -> list[str]:
+    """Trainings on a GPU."""
+    rows = read_table(TABLES / "gpu.csv")
+    lines = [
+        "| Agent, method | Workers | Frames/s | Frames | Seconds | Compiling and first frames, in seconds |",
+        "|---|---:|---:|---:|---:|---:|",
+    ]
+    names = ("agent", "method", "workers", "frames_per_second", "frames", "other_chunks_seconds", "first_chunk_seconds")
+    for agent, method, workers, rate, frames, seconds, first in zip(*(rows[name] for name in names), strict=True):
+        cells = (workers, _rate(rate), _rate(frames), f"{float(seconds):.1f}", f"{float(first):.0f}")
+        lines.append(f"| {agent}, {method_name(method)} | " + " | ".join(cells) + " |")
+    return lines
+
+
+def _rate(value: str) -> str:
+    """Three significant digits."""
+    number = float(value)
+    digits = max(0, 2 - math.floor(math.log10(abs(number))))
+    return f"{round(number, 2 - math.floor(math.log10(abs(number)))):,.{digits}f}"
+
+
 KINDS: dict[str, Callable[..., list[str]]] = {
     "tasks": _tasks,
     "differences": _differences,
     "summary": _summary,
     "rooms": _rooms,
     "search": _search,
+    "peers": _peers,
+    "rates": _rates,
+    "devices": _devices,
+    "gpu": _gpu,
 }
 """What fills a table, by kind."""
 
