@@ -203,9 +203,11 @@ def _play(command: "Play") -> None:
         return
     if command.record is not None:
         raise InputError("record: only walks by keyboard are recorded; add --keyboard, or use `demonstrations`.")
+    if command.target is not None:
+        raise InputError("target: the targets are those of the run's task; leave it out, or play without a run.")
     folder, config = find_run(command.run)
     choice = AgentChoice(command.method, command.task, command.seed)
-    for file, path in play_run(config, folder, choice, command.episode):
+    for file, path in play_run(config, folder, choice, command.episode, command.scene):
         console.print(f"{file}: {_outcome(path)}", highlight=False, soft_wrap=True)
 
 
