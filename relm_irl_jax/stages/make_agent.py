@@ -138,6 +138,10 @@ def check_agent(config: Config, tasks: Sequence[Task]) -> None:
     """
     if config.agent != "siamese" and "bc" in config.chosen_methods():
         raise InputError("methods: bc clones the siamese agent's policy; leave it out, or use --agent siamese.")
+    if config.agent == "map" and config.goals.arrival != "told":
+        raise InputError(
+            "goals.arrival: the mapping agent is trained on no reward; leave it out, or use --agent metric."
+        )
     if config.agent == "map" and (unused := set(config.chosen_methods()) - set(MAP_METHODS)):
         raise InputError(
             f"methods: {', '.join(sorted(unused))} trains on a reward, which the mapping agent does not; "

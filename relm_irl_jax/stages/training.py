@@ -16,7 +16,7 @@ from relm_irl_jax.parameters import save_parameters
 from relm_irl_jax.progress import progress_bar
 from relm_irl_jax.rewards.demonstrated import demonstrate_targets
 from relm_irl_jax.rewards.functions import ManualReward, RewardFunction, manual_reward
-from relm_irl_jax.rewards.goals import Goals, demonstrated_goals, manual_goals, predicted_goals
+from relm_irl_jax.rewards.goals import Goals, RewardAlone, demonstrated_goals, manual_goals, predicted_goals
 from relm_irl_jax.rewards.imagined import ImaginedTargets, constant_rewards, imagined_states, predicted_rewards
 from relm_irl_jax.rewards.learned import LearnedRewards, demonstrated_reward, predicted_reward
 from relm_irl_jax.rewards.predicted import RewardPredictor
@@ -136,7 +136,9 @@ def goals_of(config: Config, method: Method, inputs: SeedInputs, predictor: Rewa
     generator = np.random.default_rng([inputs.seed, 5])
     assert predictor is not None
     from_current = config.elm.predict_from == "current"
-    return predicted_goals(scenes, split, hindsight, predictor, generator, from_current_view=from_current)
+    told = config.goals.arrival == "told"
+    alone = None if told else RewardAlone(config.goals.cost_limit, config.goals.discount)
+    return predicted_goals(scenes, split, hindsight, predictor, generator, from_current_view=from_current, alone=alone)
 
 
 def imagined_of(
