@@ -8,6 +8,7 @@ Names are imported on first use. Importing the package registers its environment
 """
 
 import sys
+from contextlib import suppress
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
@@ -42,11 +43,17 @@ def __getattr__(name: str) -> Any:
         from importlib.metadata import version  # here, since it takes a tenth of the time that help may take
 
         return version("relm-irl-jax")
-    return _import_name(name)
+    try:
+        return _import_name(name)
+    except ModuleNotFoundError as error:
+        from relm_irl_jax.errors import not_installed
+
+        raise ImportError(not_installed(error)) from error
 
 
 register_environments = deferred("relm_irl_jax.registration", "register_environments")
 
 # The command registers them once it has read its arguments: Gymnasium takes a fifth of the time that help may take.
 if PurePath(*sys.argv[:1]).name != "relm-irl":
-    register_environments()
+    with suppress(ModuleNotFoundError):  # Gymnasium is of the extra `train`
+        register_environments()
