@@ -11,6 +11,7 @@ A page says where a table belongs, and which, between two comments:
     <!-- table: summary siamese siamese-long -->    SR and SPL of several pieces, and the paper's
     <!-- table: rooms unseen many-rooms -->         success in unseen rooms against the number of training rooms
     <!-- table: search -->                          the mapping agent in unseen rooms
+    <!-- table: ranks -->                           ranks of targets by predicted reward
     <!-- table: peers -->                           speed of every part beside another library
     <!-- table: rates -->                           frames per second of the paper's agent by number of workers
     <!-- table: devices -->                         an update on several virtual devices
@@ -30,7 +31,7 @@ from relm_irl_jax.report.comparison import BASELINES, markdown_difference
 from relm_irl_jax.report.intervals import MeanInterval
 from relm_irl_jax.report.names import TASK_NAMES, in_order, method_name
 from relm_irl_jax.report.tables import MEAN, paper_value
-from relm_irl_jax.results import TASKS
+from relm_irl_jax.results import PREDICTED, TASKS
 from relm_irl_jax.studies.page import RUN_TITLES
 from relm_irl_jax.studies.search_page import saved_rows, search_table
 
@@ -59,6 +60,8 @@ def copy_tables(study: Path) -> None:
         shutil.copyfile(path, TABLES / path.name)
     for path in (study / "map").glob("*.csv"):
         shutil.copyfile(path, TABLES / "map" / path.name)
+    if (path := study / "reward-ranks" / "reward-ranks.csv").is_file():
+        shutil.copyfile(path, TABLES / path.name)
     for name in BENCHMARKS:
         if (path := study / name / f"{name}.csv").is_file():
             shutil.copyfile(path, TABLES / f"speed-{name}.csv")
@@ -172,6 +175,18 @@ def _search() -> list[str]:
     return search_table(saved_rows(TABLES / "map"), TABLES / "map")
 
 
+def _ranks() -> list[str]:
+    """Median rank of new and of uniformly drawn targets by the predicted reward."""
+    found = dict(_intervals("reward-ranks.csv", "variant", "title", "method", "targets"))
+    columns = [(method, targets) for targets in ("new", "uniform") for method in PREDICTED]
+    lines = ["| | " + " | ".join(f"{method_name(m)}, {targets} targets" for m, targets in columns) + " |"]
+    lines.append("|---|" + "---:|" * len(columns))
+    for variant, title in dict.fromkeys(key[:2] for key in found):
+        cells = [f"{(v := found[variant, title, *column]).mean:.1f} ± {v.half_width:.1f}" for column in columns]
+        lines.append(f"| {title} | " + " | ".join(cells) + " |")
+    return lines
+
+
 def _peers() -> list[str]:
     """Rates of this package and of the peer, and their ratio."""
     rows = read_table(TABLES / "speed-peers.csv")
@@ -240,6 +255,7 @@ KINDS: dict[str, Callable[..., list[str]]] = {
     "summary": _summary,
     "rooms": _rooms,
     "search": _search,
+    "ranks": _ranks,
     "peers": _peers,
     "rates": _rates,
     "devices": _devices,

@@ -3,8 +3,8 @@
     make paper                                all pieces, then runs/paper/report.html
     make paper PIECE=metric                   one of siamese, siamese-long, siamese-told, siamese-rooms, metric,
                                               metric-long, metric-open, metric-no-hindsight, metric-reward-alone,
-                                              vizdoom, elm, stability, ablation, irl-methods, map, unseen,
-                                              many-rooms, report
+                                              vizdoom, elm, stability, reward-ranks, ablation, irl-methods, map,
+                                              unseen, many-rooms, report
     make paper PIECE=ablation VARIANT=lp      one variant, and the base that it is compared with
     make paper QUICK=1                        the same code on tiny rooms, in runs/paper-quick
     make paper JOBS=4                         four runs at a time, each in a process of its own
@@ -25,6 +25,7 @@ from typing import Literal, get_args
 
 import elm_ablation
 import irl_stability
+import reward_ranks
 import search_study
 import tyro
 from joblib import parallel_config
@@ -55,6 +56,7 @@ Piece = Literal[
     "vizdoom",
     "elm",
     "stability",
+    "reward-ranks",
     "ablation",
     "irl-methods",
     "map",
@@ -118,6 +120,9 @@ def main(settings: Paper) -> Path:
     if "stability" in settings.pieces and not (out / "stability" / "stability.csv").exists():
         walks = 4 if settings.quick else irl_stability.Study.trajectories
         irl_stability.main(irl_stability.Study(out / "stability", trajectories=walks, config=config))
+    if "reward-ranks" in settings.pieces:
+        shown = ("random-order",) if settings.quick else ()
+        reward_ranks.main(reward_ranks.Study(out / "reward-ranks", min(config.seeds, 3), shown, config))
     if "map" in settings.pieces:
         search_study.main(load_preset(PRESETS / "map.toml", overlays), out / "map", quick=settings.quick)
     rows = {name: ablation_rows(study, changes, out / name) for name, study in studies.items()}
