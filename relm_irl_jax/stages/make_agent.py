@@ -18,7 +18,7 @@ from relm_irl_jax.config import MAP_METHODS, Config, Method, Task
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.results import LEARNED
 from relm_irl_jax.scenes.scene import Scene, successors
-from relm_irl_jax.scenes.settings import ROOM_TYPES, ROOMS
+from relm_irl_jax.scenes.settings import ROOMS
 from relm_irl_jax.scenes.views import scene_views
 from relm_irl_jax.types import Agent, Parameters
 
@@ -105,7 +105,7 @@ def training_rooms_count(config: Config) -> int:
     Returns:
         The number.
     """
-    return config.map.rooms if config.agent == "map" else config.scene.training_per_type * len(ROOM_TYPES)
+    return config.map.rooms if config.agent == "map" else config.scene.training_rooms
 
 
 def check_targets(config: Config) -> None:
@@ -118,7 +118,7 @@ def check_targets(config: Config) -> None:
     Raises:
         InputError: a training room would have no training target.
     """
-    rooms, targets = config.scene.training_per_type * len(ROOM_TYPES), config.tasks.training_targets
+    rooms, targets = config.scene.training_rooms, config.tasks.training_targets
     if config.scenes == ROOMS and targets < rooms:
         raise InputError(
             f"tasks.training_targets: {targets} leave some of the {rooms} training rooms without a target; give at "
