@@ -215,6 +215,7 @@ def test_a_policy_of_the_user_gets_a_row_beside_the_run(first, folder, monkeypat
     [
         (["--policy", "turners"], "turners is no policy"),
         (["--policy", "burners:forward"], "burners cannot be imported"),
+        (["--policy", "turners.py:forward"], "turners.py is a file; give its module, turners:forward."),
         (["--policy", "turners:backward"], "turners has no backward"),
         (["--policy", "turners:number"], "is no function"),
         (["--policy", "turners:forward", "--name", "rl"], "rl is a method of this package"),
