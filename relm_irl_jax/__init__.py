@@ -43,12 +43,7 @@ def __getattr__(name: str) -> Any:
         from importlib.metadata import version  # here, since it takes a tenth of the time that help may take
 
         return version("relm-irl-jax")
-    try:
-        return _import_name(name)
-    except ModuleNotFoundError as error:
-        from relm_irl_jax.errors import not_installed
-
-        raise ImportError(not_installed(error)) from error
+    return _import_name(name)
 
 
 register_environments = deferred("relm_irl_jax.registration", "register_environments")
