@@ -16,6 +16,7 @@ A page says where a table belongs, and which, between two comments:
     <!-- table: rates -->                           frames per second of the paper's agent by number of workers
     <!-- table: devices -->                         an update on several virtual devices
     <!-- table: gpu -->                             frames per second of trainings on a GPU
+    <!-- table: maps map-vizdoom -->                the mapping agent in unseen recorded maps
     <!-- /table -->
 """
 
@@ -33,7 +34,7 @@ from relm_irl_jax.report.names import TASK_NAMES, in_order, method_name
 from relm_irl_jax.report.tables import MEAN, paper_value
 from relm_irl_jax.results import PREDICTED, TASKS
 from relm_irl_jax.studies.page import RUN_TITLES
-from relm_irl_jax.studies.search_page import saved_rows, search_table
+from relm_irl_jax.studies.search_page import maps_table, saved_rows, search_table
 
 ROOT = Path(__file__).parents[1]
 TABLES = ROOT / "docs" / "tables"
@@ -58,8 +59,9 @@ def copy_tables(study: Path) -> None:
                 shutil.copyfile(path, TABLES / f"{name}-{path.name}")
     for path in (study / "tables").glob("*.csv"):
         shutil.copyfile(path, TABLES / path.name)
-    for path in (study / "map").glob("*.csv"):
-        shutil.copyfile(path, TABLES / "map" / path.name)
+    for name in ("map", "map-vizdoom"):
+        for path in (study / name).glob("*.csv"):
+            shutil.copyfile(path, TABLES / name / path.name)
     if (path := study / "reward-ranks" / "reward-ranks.csv").is_file():
         shutil.copyfile(path, TABLES / path.name)
     for name in BENCHMARKS:
@@ -249,6 +251,11 @@ def _rate(value: str) -> str:
     return f"{round(number, 2 - math.floor(math.log10(abs(number)))):,.{digits}f}"
 
 
+def _maps(name: str) -> list[str]:
+    """The mapping agent in unseen recorded maps."""
+    return maps_table(saved_rows(TABLES / name), TABLES / name)
+
+
 KINDS: dict[str, Callable[..., list[str]]] = {
     "tasks": _tasks,
     "differences": _differences,
@@ -260,6 +267,7 @@ KINDS: dict[str, Callable[..., list[str]]] = {
     "rates": _rates,
     "devices": _devices,
     "gpu": _gpu,
+    "maps": _maps,
 }
 """What fills a table, by kind."""
 

@@ -4,17 +4,17 @@
     make paper PIECE=metric                   one of siamese, siamese-long, siamese-told, siamese-rooms, metric,
                                               metric-long, metric-open, metric-no-hindsight, metric-reward-alone,
                                               vizdoom, elm, stability, reward-ranks, ablation, irl-methods, map,
-                                              unseen, many-rooms, report
+                                              map-vizdoom, unseen, many-rooms, report
     make paper PIECE=ablation VARIANT=lp      one variant, and the base that it is compared with
     make paper QUICK=1                        the same code on tiny rooms, in runs/paper-quick
     make paper JOBS=4                         four runs at a time, each in a process of its own
 
 Tables 1 to 3 and Figures 6 and 11 are of the pieces `siamese` (the paper's agent) and `metric`, Figures 7 to 10 of
 `elm`. The piece `map` measures the mapping agent in unseen rooms. Some pieces run only where they are named:
-`vizdoom`, whose scenes have to be recorded first, `metric-reward-alone`, `siamese-long` and `metric-long`, which
-train with more frames, and `siamese-rooms`, `unseen` and `many-rooms`, which train on up to hundreds of rooms. The
-presets lie in experiments/paper. Runs go where joblib's context sends them: a script that calls `main` within
-`joblib.parallel_config` can spread them over a cluster.
+`vizdoom` and `map-vizdoom`, whose scenes have to be recorded first, `metric-reward-alone`, `siamese-long` and
+`metric-long`, which train with more frames, and `siamese-rooms`, `unseen` and `many-rooms`, which train on up to
+hundreds of rooms. The presets lie in experiments/paper. Runs go where joblib's context sends them: a script that calls
+`main` within `joblib.parallel_config` can spread them over a cluster.
 """
 
 import sys
@@ -60,11 +60,15 @@ Piece = Literal[
     "ablation",
     "irl-methods",
     "map",
+    "map-vizdoom",
     "unseen",
     "many-rooms",
     "report",
 ]
-NAMED = ("vizdoom", "metric-reward-alone", "siamese-long", "siamese-rooms", "metric-long", "unseen", "many-rooms")
+NAMED = (
+    *("vizdoom", "map-vizdoom", "metric-reward-alone", "siamese-long", "siamese-rooms", "metric-long", "unseen"),
+    "many-rooms",
+)
 """Pieces that run only where they are named."""
 
 PIECES: tuple[Piece, ...] = tuple(piece for piece in get_args(Piece) if piece not in NAMED)
@@ -125,6 +129,8 @@ def main(settings: Paper) -> Path:
         reward_ranks.main(reward_ranks.Study(out / "reward-ranks", min(config.seeds, 3), shown, config))
     if "map" in settings.pieces:
         search_study.main(load_preset(PRESETS / "map.toml", overlays), out / "map", quick=settings.quick)
+    if "map-vizdoom" in settings.pieces:
+        search_study.maps(load_preset(PRESETS / "map-vizdoom.toml", overlays), out / "map-vizdoom")
     rows = {name: ablation_rows(study, changes, out / name) for name, study in studies.items()}
     with parallel_config(n_jobs=settings.jobs) if settings.jobs > 1 else nullcontext():
         path = write_study(out, rows).with_suffix(".html")

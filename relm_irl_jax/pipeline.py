@@ -19,7 +19,7 @@ from relm_irl_jax.stages.agents_beside import LearnRewards, learned_once, runs_b
 from relm_irl_jax.stages.encoding import EncodedScenes, check_encoder, encode_training
 from relm_irl_jax.stages.episodes import AgentChoice, play_task, save_shown_episodes
 from relm_irl_jax.stages.evaluation import check_agents, evaluate_task
-from relm_irl_jax.stages.make_agent import check_agent, check_scenes, check_targets
+from relm_irl_jax.stages.make_agent import check_agent, check_targets
 from relm_irl_jax.stages.memory import check_memory, check_scenes_memory
 from relm_irl_jax.stages.own_policies import OwnPolicy, check_name, enter, evaluate_own_policy
 from relm_irl_jax.stages.rewards import learn, load_rewards, save_rewards
@@ -80,7 +80,6 @@ def _run_stages(
         with stopwatch("scenes and features"):
             encoded = encode_training(config)
     check_encoder(folder, encoded)
-    check_scenes(config, encoded.scenes)
     check_scenes_memory(config, encoded.scenes)
     joint: dict[Method, list[SeedInputs]] = {}
     for seed in range(config.seeds):
