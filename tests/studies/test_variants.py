@@ -59,6 +59,7 @@ def test_every_variant_changes_its_base():
         "irl-methods.toml",
         "many-rooms.toml",
         "map.toml",
+        "map-vizdoom.toml",
         "unseen.toml",
     }
     for changes in ({}, read_fields(PRESETS / "quick.toml")):
