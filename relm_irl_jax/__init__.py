@@ -8,6 +8,7 @@ Names are imported on first use. Importing the package registers its environment
 """
 
 import sys
+from contextlib import suppress
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
@@ -49,4 +50,5 @@ register_environments = deferred("relm_irl_jax.registration", "register_environm
 
 # The command registers them once it has read its arguments: Gymnasium takes a fifth of the time that help may take.
 if PurePath(*sys.argv[:1]).name != "relm-irl":
-    register_environments()
+    with suppress(ModuleNotFoundError):  # Gymnasium is of the extra `train`
+        register_environments()

@@ -64,8 +64,8 @@ class Play:
     """Without a run: the mapping agent, with the weights of the package, searches in the scene. A terminal shows it
     step by step; the animation goes to `runs/play`."""
     scene: str | None = None
-    """Scene for the keyboard or the agent: with a run, the name of one of its scenes (default: the first); without a
-    run, a scene file or a built-in room (default: bathroom-0, for an agent bathroom-50)."""
+    """With a run: the name of one of its scenes; by default all are drawn, and the keyboard begins in the first.
+    Without: a scene file or a built-in room, by default bathroom-0, for an agent bathroom-50."""
     target: str | None = None
     """Category of the target object without a run; by default a random one."""
     record: Path | None = None

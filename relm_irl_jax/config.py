@@ -52,7 +52,8 @@ NOT_TRAINED = ("task", "methods", "seeds", "run", "beside", "evaluation", "clust
 """Fields on which trained agents do not depend; a run can only be continued if all others are unchanged."""
 
 
-@dataclass(frozen=True)
+# Validators of the whole are built when they are first used: `--help` needs none.
+@dataclass(frozen=True, config={"defer_build": True})
 class Config:
     """One run: scenes, targets, rewards, agents, evaluation."""
 

@@ -71,6 +71,33 @@ def first_line(error: BaseException) -> str:
     return (str(error).splitlines() or [type(error).__name__])[0]
 
 
+TRAINING_STACK = frozenset(
+    {
+        *("PIL", "filelock", "flax", "gymnasium", "h5py", "huggingface_hub", "markdown_it", "matplotlib", "optax"),
+        *("orbax", "tensorboardX", "tyro"),
+    }
+)
+"""Modules that the extra `train` installs."""
+
+
+def not_installed(error: ModuleNotFoundError) -> str:
+    """One sentence on a module that is missing.
+
+    Args:
+        error: what its import raised.
+
+    Returns:
+        What is missing, and the command that installs it.
+
+    Raises:
+        ModuleNotFoundError: the error, if the extra `train` does not install the module.
+    """
+    module = (error.name or "").partition(".")[0]
+    if module not in TRAINING_STACK:
+        raise error
+    return f"{module} is not installed; the command and training need it: pip install 'relm-irl-jax[train]'."
+
+
 _REMEDIES = {
     errno.ENOSPC: "free some space on the disk, and run the same command again",
     errno.EDQUOT: "free some space, and run the same command again",

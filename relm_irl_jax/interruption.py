@@ -5,7 +5,6 @@ only raise it between two steps of the interpreter, and compiling a program may 
 wakes up therefore ends the process when it has not ended by itself in time.
 """
 
-import multiprocessing.util
 import os
 import shlex
 import signal
@@ -164,8 +163,10 @@ def end_workers() -> None:
     if loky is not None and loky._executor is not None:
         loky._executor.terminate(kill_workers=True)
     # What the end of the interpreter would do: otherwise the resource tracker warns of semaphores that are left.
-    with suppress(Exception):
-        multiprocessing.util._run_finalizers(0)  # pyrefly: ignore
+    utilities = sys.modules.get("multiprocessing.util")
+    if utilities is not None:
+        with suppress(Exception):
+            utilities._run_finalizers(0)
 
 
 def kill_children() -> None:

@@ -13,13 +13,19 @@ def lazy_getattr(package: str, modules: Mapping[str, str]) -> Callable[[str], An
         modules: for each public name, the module of the package that defines it.
 
     Returns:
-        The function; it raises AttributeError for other names.
+        The function; it raises AttributeError for other names, and ImportError with the remedy where a module that the
+        extra `train` installs is missing.
     """
 
     def import_name(name: str) -> Any:
         if name not in modules:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        return getattr(import_module(f"{package}.{modules[name]}"), name)
+        try:
+            return getattr(import_module(f"{package}.{modules[name]}"), name)
+        except ModuleNotFoundError as error:
+            from relm_irl_jax.errors import not_installed  # here, since workers of irl load nothing that they need not
+
+            raise ImportError(not_installed(error)) from error
 
     return import_name
 

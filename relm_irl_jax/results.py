@@ -42,7 +42,7 @@ TargetGroup = Literal["trained", "new", "uniform"]
 Share = Annotated[float, Field(ge=0, le=1)]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, config={"defer_build": True})
 class ResultRow:
     """Metrics of one agent in one scene.
 
@@ -69,7 +69,7 @@ class ResultRow:
     spl: Share
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config={"defer_build": True})
 class Results:
     """Metrics of all agents of a run on one task.
 

@@ -51,7 +51,8 @@ def test_caches_and_hashes_change_nothing(work, usual):
 def test_cores_and_devices_change_trained_agents_but_not_learned_rewards(work, usual):
     """Gradients are sums over workers, in another order. Features in files are given, and the rest is one by one."""
     one_core = ("taskset", "-c", str(min(os.sched_getaffinity(0)))) if shutil.which("taskset") else ()
-    found = files_of_a_run(work / "devices", one_core, XLA_FLAGS="--xla_force_host_platform_device_count=2")
+    flags = f"{os.environ.get('XLA_FLAGS', '')} --xla_force_host_platform_device_count=2"
+    found = files_of_a_run(work / "devices", one_core, XLA_FLAGS=flags)
     assert set(found) == set(usual)
     changed = {name for name, content in usual.items() if found[name] != content}
     assert "agents/relm-irl-seed-0.safetensors" in changed

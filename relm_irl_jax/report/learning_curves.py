@@ -126,8 +126,10 @@ def frames_to_success(curve: TrainingCurve) -> float:
         curve: the curve.
 
     Returns:
-        Frames; NaN if it is below the level in the end.
+        Frames; NaN if it is below the level in the end, or if there are fewer chunks than a running mean takes.
     """
+    if len(curve.frames) < WINDOW:
+        return float("nan")
     below = np.flatnonzero(~(running_mean(curve, "success_rate") >= SUCCESS_LEVEL))
     first = below[-1] + 1 if len(below) else 0
     return float(curve.frames[first]) if first < len(curve.frames) else float("nan")
@@ -147,7 +149,10 @@ def learning_figure(curves: MethodCurves) -> Figure:
         for method, by_seed in curves.items():
             band = confidence_band(list(by_seed.values()), metric)
             millions = band.frames / 1e6
-            panel.plot(millions, band.mean, color=method_colour(method), lw=1.3, label=method_name(method))
+            marker = "o" if len(millions) == 1 else None  # one chunk is no line
+            panel.plot(
+                millions, band.mean, marker=marker, color=method_colour(method), lw=1.3, label=method_name(method)
+            )
             low, high = band.mean - band.half_width, band.mean + band.half_width
             panel.fill_between(millions, low, high, color=method_colour(method), alpha=0.18, lw=0)
         panel.set(xlabel="training frames in millions", ylabel=label, xlim=(0, None), ylim=(0, None))

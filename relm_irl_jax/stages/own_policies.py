@@ -64,6 +64,8 @@ class OwnPolicy:
         module, _, name = self.source.partition(":")
         if not module or not name:
             raise InputError(f"policy: {self.source} is no policy; give module:function, such as my_agent:policy.")
+        if module.endswith(".py"):
+            raise InputError(f"policy: {module} is a file; give its module, {Path(module).stem}:{name}.")
         if "" not in sys.path:
             sys.path.insert(0, "")
         try:

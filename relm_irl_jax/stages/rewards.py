@@ -92,7 +92,7 @@ def save_rewards(
     if maps and seed == 0:
         _save_maps(scenes, split, learned, folder)
     # The last file: where it is, the others are.
-    save_reward_quality(folder.rewards(seed, "quality.csv"), _quality(scenes, split, learned, seed))
+    save_reward_quality(folder.rewards(seed, "quality.csv"), reward_quality_rows(scenes, split, learned, seed))
 
 
 def load_rewards(
@@ -183,8 +183,20 @@ def load_predictor(
     return RewardPredictor(scenes, [basis.phi(scene) for scene in scenes], regressor, form_of(config.irl))
 
 
-def _quality(scenes: Sequence[Scene], split: TaskSplit, learned: LearnedRewards, seed: int) -> list[RewardQualityRow]:
-    """Quality of every method's reward, for trained and for new targets."""
+def reward_quality_rows(
+    scenes: Sequence[Scene], split: TaskSplit, learned: LearnedRewards, seed: int
+) -> list[RewardQualityRow]:
+    """Quality of every method's reward, for trained and for new targets.
+
+    Args:
+        scenes: encoded training scenes.
+        split: the targets of all tasks.
+        learned: the learned rewards.
+        seed: the run's seed.
+
+    Returns:
+        The rows.
+    """
     by_method: dict[tuple[str, str], list[RewardQuality]] = {
         ("irl", "trained"): [
             reward_quality(

@@ -37,6 +37,7 @@ RUN_TITLES = {
     "metric-long": "The metric agent, with three times the frames",
     "metric-open": "The metric agent, open: evaluation targets may also be goals",
     "metric-no-hindsight": "The metric agent without hindsight: only methods that predict rewards have further goals",
+    "metric-reward-alone": "The metric agent, not told where imagined targets are: only the predicted reward says so",
     "vizdoom": "The metric agent in scenes recorded from ViZDoom",
 }
 """Titles of a study's runs, by the names of their folders."""

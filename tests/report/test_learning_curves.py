@@ -36,7 +36,8 @@ def test_the_running_mean_counts_episodes():
 def test_frames_to_success():
     assert frames_to_success(curve([0.0] + [1.0] * 5)) == 600.0
     assert np.isnan(frames_to_success(curve([0.9] * 6)))
-    assert np.isnan(frames_to_success(curve([1.0, 1.0, 0.5, 0.9])))
+    assert np.isnan(frames_to_success(curve([1.0] * 4 + [0.5, 0.9])))
+    assert np.isnan(frames_to_success(curve([1.0] * 4)))  # too few to say
     assert frames_to_success(curve([1.0] + [0.2] * 4 + [1.0] * 8)) > 600.0
 
 
@@ -57,7 +58,8 @@ def test_tables_hold_every_method_and_seed():
 
 
 def test_no_mean_where_a_seed_never_succeeds():
-    table = success_table({"rl": {0: curve([1.0]), 1: curve([0.5])}, "irl": {0: curve([1.0]), 1: curve([1.0])}})
+    always, never = curve([1.0] * 5), curve([0.5] * 5)
+    table = success_table({"rl": {0: always, 1: never}, "irl": {0: always, 1: always}})
     assert "| RL | – | 1 of 2 |" in table
     assert "| IRL | 0 ± 0 | 2 of 2 |" in table
 
@@ -66,6 +68,11 @@ def test_the_figure_draws_each_method_once_a_panel():
     figure = learning_figure({"rl": {0: curve([0.1, 0.2])}, "relm-irl": {0: curve([0.3, 0.4])}})
     assert [len(panel.lines) for panel in figure.axes] == [2, 2, 2]
     np.testing.assert_allclose(figure.axes[1].lines[0].get_xydata(), [[1e-4, 0.1], [2e-4, 0.15]])
+    assert figure.axes[0].lines[0].get_marker() == "None"
+
+
+def test_a_curve_of_one_chunk_is_a_point():
+    assert learning_figure({"rl": {0: curve([0.1])}}).axes[0].lines[0].get_marker() == "o"
 
 
 def test_curves_are_read_as_they_were_written(tmp_path):

@@ -17,7 +17,7 @@ from relm_irl_jax.rewards.basis import fit_basis
 from relm_irl_jax.rewards.demonstrated import learn_demonstrated_rewards
 from relm_irl_jax.rewards.equation import LinearRewardForm, linear_reward
 from relm_irl_jax.rewards.functions import LinearReward, manual_reward
-from relm_irl_jax.rewards.goals import IMAGINED_STARTS, manual_goals, predicted_goals
+from relm_irl_jax.rewards.goals import IMAGINED_STARTS, RewardAlone, manual_goals, predicted_goals
 from relm_irl_jax.rewards.learned import (
     demonstrated_reward,
     learn_demonstrated,
@@ -251,6 +251,27 @@ def test_goals_cost_what_the_regressor_predicts(rooms, split, regressors, predic
         weights = each if from_current_view else np.repeat(drawn.mean(0)[None], len(views), 0)
         expected = np.clip(-(weights * (phi - phi[goal])).sum(1), IRL.minimum_cost, 1.0)
         np.testing.assert_allclose(np.asarray(goals.cost)[0, column, :48], expected / expected.mean(), rtol=1e-5)
+
+
+def test_the_reward_alone_says_where_goals_are(rooms, split, predictor):
+    """A view is paid the less, the more its predicted reward is below the goal's."""
+    alone = RewardAlone(limit=0.5, discount=0.95)
+    goals = predicted_goals(
+        rooms, split, "strict", predictor, np.random.default_rng(5), from_current_view=False, alone=alone
+    )
+    assert goals.stop is not None
+    assert not set(np.asarray(goals.state)[1][: int(goals.count[1])]) & split.evaluation_only(1)
+    generator, phi = np.random.default_rng(5), predictor.phi[0]
+    starts = generator.choice(rooms[0].reachable, (IMAGINED_STARTS, int(goals.count[0])))
+    for column in (0, 5):
+        goal = int(goals.state[0, column])
+        weights = np.mean([predictor.weights(0, s[[column]], np.asarray([goal]))[0] for s in starts], axis=0)
+        share = np.clip(1 + 2 * (phi - phi[goal]) @ weights, 0, 1)
+        stop = np.asarray(goals.stop)[0, column, :48]
+        assert stop[goal] == 0.0
+        np.testing.assert_array_equal(np.isinf(stop), share == 0)
+        np.testing.assert_allclose(0.95 ** stop[share > 0], share[share > 0], rtol=1e-4)
+    assert set(np.unique(goals.cost).tolist()) == {1.0}
 
 
 def test_goals_of_all_methods_share_one_compiled_training(rooms, split, predictor):
