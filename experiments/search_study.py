@@ -97,7 +97,7 @@ def maps(config: Config, out: Path) -> None:
     few = -(-config.evaluation.episodes // FEWER_IN_MAPS)
     for agent in ("map", "package", "oracle", "random", "explorer", "memoryless"):
         weights = "package" if agent == "package" else str(folder.agent("rl", 0))
-        episodes = few if agent in ("explorer", "memoryless") else config.evaluation.episodes
+        episodes = few if agent in ("package", "explorer", "memoryless") else config.evaluation.episodes
         row = SearchRow(agent, "III", 0, "empty", episodes)
         if not row.path(out).exists():
             console.print(f"{row.path(out)}", highlight=False)
