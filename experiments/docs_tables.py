@@ -1,6 +1,7 @@
 """The tables of the documentation, from the committed CSV files and from nothing else: `make tables`.
 
     make tables RUN=runs/paper    copy the tables of a study into docs/tables, then write those of the pages
+    make tables RUN=runs/bench    the same with what the benchmarks have measured
     make tables                   write those of the pages from docs/tables
 
 A page says where a table belongs, and which, between two comments:
@@ -10,6 +11,12 @@ A page says where a table belongs, and which, between two comments:
     <!-- table: summary siamese siamese-long -->    SR and SPL of several pieces, and the paper's
     <!-- table: rooms unseen many-rooms -->         success in unseen rooms against the number of training rooms
     <!-- table: search -->                          the mapping agent in unseen rooms
+    <!-- table: ranks -->                           ranks of targets by predicted reward
+    <!-- table: peers -->                           speed of every part beside another library
+    <!-- table: rates -->                           frames per second of the paper's agent by number of workers
+    <!-- table: devices -->                         an update on several virtual devices
+    <!-- table: gpu -->                             frames per second of trainings on a GPU
+    <!-- table: maps map-vizdoom -->                the mapping agent in unseen recorded maps
     <!-- /table -->
 """
 
@@ -25,13 +32,16 @@ from relm_irl_jax.report.comparison import BASELINES, markdown_difference
 from relm_irl_jax.report.intervals import MeanInterval
 from relm_irl_jax.report.names import TASK_NAMES, in_order, method_name
 from relm_irl_jax.report.tables import MEAN, paper_value
-from relm_irl_jax.results import TASKS
+from relm_irl_jax.results import PREDICTED, TASKS
 from relm_irl_jax.studies.page import RUN_TITLES
-from relm_irl_jax.studies.search_page import saved_rows, search_table
+from relm_irl_jax.studies.search_page import maps_table, saved_rows, search_table
 
 ROOT = Path(__file__).parents[1]
 TABLES = ROOT / "docs" / "tables"
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
+
+BENCHMARKS = ("peers", "agent", "scaling")
+"""Benchmarks with tables in the documentation."""
 
 BLOCK = re.compile(r"(<!-- table: ([a-z-]+)((?: [\w-]+)*) -->\n).*?(<!-- /table -->)", re.DOTALL)
 """A table of a page: its first line, kind, arguments, and last line."""
@@ -49,8 +59,14 @@ def copy_tables(study: Path) -> None:
                 shutil.copyfile(path, TABLES / f"{name}-{path.name}")
     for path in (study / "tables").glob("*.csv"):
         shutil.copyfile(path, TABLES / path.name)
-    for path in (study / "map").glob("*.csv"):
-        shutil.copyfile(path, TABLES / "map" / path.name)
+    for name in ("map", "map-vizdoom"):
+        for path in (study / name).glob("*.csv"):
+            shutil.copyfile(path, TABLES / name / path.name)
+    if (path := study / "reward-ranks" / "reward-ranks.csv").is_file():
+        shutil.copyfile(path, TABLES / path.name)
+    for name in BENCHMARKS:
+        if (path := study / name / f"{name}.csv").is_file():
+            shutil.copyfile(path, TABLES / f"speed-{name}.csv")
 
 
 def written(page: str) -> str:
@@ -161,12 +177,97 @@ def _search() -> list[str]:
     return search_table(saved_rows(TABLES / "map"), TABLES / "map")
 
 
+def _ranks() -> list[str]:
+    """Median rank of new and of uniformly drawn targets by the predicted reward."""
+    found = dict(_intervals("reward-ranks.csv", "variant", "title", "method", "targets"))
+    columns = [(method, targets) for targets in ("new", "uniform") for method in PREDICTED]
+    lines = ["| | " + " | ".join(f"{method_name(m)}, {targets} targets" for m, targets in columns) + " |"]
+    lines.append("|---|" + "---:|" * len(columns))
+    for variant, title in dict.fromkeys(key[:2] for key in found):
+        cells = [f"{(v := found[variant, title, *column]).mean:.1f} ± {v.half_width:.1f}" for column in columns]
+        lines.append(f"| {title} | " + " | ".join(cells) + " |")
+    return lines
+
+
+def _peers() -> list[str]:
+    """Rates of this package and of the peer, and their ratio."""
+    rows = read_table(TABLES / "speed-peers.csv")
+    lines = ["| | | Here, per second | Peer | Its rate | Ratio |", "|---|---|---:|---|---:|---:|"]
+    columns = (rows[name] for name in ("part", "unit", "ours", "peer", "theirs", "ratio"))
+    for part, unit, ours, peer, theirs, ratio in zip(*columns, strict=True):
+        lines.append(f"| {part} | {unit} | {_rate(ours)} | {peer} | {_rate(theirs)} | {_rate(ratio)} |")
+    return [f"{rows['computer'][0]}:", "", *lines]
+
+
+def _rates() -> list[str]:
+    """Frames per second of the environment, of acting and of training with one observed view."""
+    rows = read_table(TABLES / "speed-agent.csv")
+    found = {
+        (case, int(workers)): rate
+        for case, history, workers, rate in zip(
+            rows["case"], rows["history"], rows["workers"], rows["frames_per_second"], strict=True
+        )
+        if history == "1"
+    }
+    counts = sorted({workers for _, workers in found})
+    lines = ["| Frames per second | " + " | ".join(f"{count} workers" for count in counts) + " |"]
+    lines.append("|---|" + "---:|" * len(counts))
+    for case in dict.fromkeys(case for case, _ in found):
+        cells = [_rate(found[case, count]) if (case, count) in found else "" for count in counts]
+        lines.append(f"| {case} | " + " | ".join(cells) + " |")
+    return lines
+
+
+def _devices() -> list[str]:
+    """Time of an update, and its ratio to that of one device times their number."""
+    rows = read_table(TABLES / "speed-scaling.csv")
+    columns = zip(rows["devices"], rows["workers"], map(float, rows["update_seconds"]), strict=True)
+    lines, alone = ["| Devices | Workers | Update | Ratio |", "|---:|---:|---:|---:|"], None
+    for devices, workers, seconds in columns:
+        alone = alone or seconds / int(devices)
+        ratio = seconds / alone / int(devices)
+        lines.append(f"| {devices} | {workers} | {1e3 * seconds:.0f} ms | {ratio:.2f} |")
+    return lines
+
+
+def _gpu() -> list[str]:
+    """Trainings on a GPU."""
+    rows = read_table(TABLES / "gpu.csv")
+    lines = [
+        "| Agent, method | Workers | Frames/s | Frames | Seconds | Compiling and first frames, in seconds |",
+        "|---|---:|---:|---:|---:|---:|",
+    ]
+    names = ("agent", "method", "workers", "frames_per_second", "frames", "other_chunks_seconds", "first_chunk_seconds")
+    for agent, method, workers, rate, frames, seconds, first in zip(*(rows[name] for name in names), strict=True):
+        cells = (workers, _rate(rate), _rate(frames), f"{float(seconds):.1f}", f"{float(first):.0f}")
+        lines.append(f"| {agent}, {method_name(method)} | " + " | ".join(cells) + " |")
+    return lines
+
+
+def _rate(value: str) -> str:
+    """Three significant digits."""
+    number = float(value)
+    digits = max(0, 2 - math.floor(math.log10(abs(number))))
+    return f"{round(number, 2 - math.floor(math.log10(abs(number)))):,.{digits}f}"
+
+
+def _maps(name: str) -> list[str]:
+    """The mapping agent in unseen recorded maps."""
+    return maps_table(saved_rows(TABLES / name), TABLES / name)
+
+
 KINDS: dict[str, Callable[..., list[str]]] = {
     "tasks": _tasks,
     "differences": _differences,
     "summary": _summary,
     "rooms": _rooms,
     "search": _search,
+    "ranks": _ranks,
+    "peers": _peers,
+    "rates": _rates,
+    "devices": _devices,
+    "gpu": _gpu,
+    "maps": _maps,
 }
 """What fills a table, by kind."""
 

@@ -2,18 +2,19 @@
 
     make paper                                all pieces, then runs/paper/report.html
     make paper PIECE=metric                   one of siamese, siamese-long, siamese-told, siamese-rooms, metric,
-                                              metric-long, metric-open, metric-no-hindsight, vizdoom, elm, stability,
-                                              ablation, irl-methods, map, unseen, many-rooms, report
+                                              metric-long, metric-open, metric-no-hindsight, metric-reward-alone,
+                                              vizdoom, elm, stability, reward-ranks, ablation, irl-methods, map,
+                                              map-vizdoom, unseen, many-rooms, report
     make paper PIECE=ablation VARIANT=lp      one variant, and the base that it is compared with
     make paper QUICK=1                        the same code on tiny rooms, in runs/paper-quick
     make paper JOBS=4                         four runs at a time, each in a process of its own
 
 Tables 1 to 3 and Figures 6 and 11 are of the pieces `siamese` (the paper's agent) and `metric`, Figures 7 to 10 of
 `elm`. The piece `map` measures the mapping agent in unseen rooms. Some pieces run only where they are named:
-`vizdoom`, whose scenes have to be recorded first, `siamese-long` and `metric-long`, which train with more frames, and
-`siamese-rooms`, `unseen` and `many-rooms`, which train on up to hundreds of rooms. The presets lie in
-experiments/paper. Runs go where joblib's context sends them: a script that calls `main` within
-`joblib.parallel_config` can spread them over a cluster.
+`vizdoom` and `map-vizdoom`, whose scenes have to be recorded first, `metric-reward-alone`, `siamese-long` and
+`metric-long`, which train with more frames, and `siamese-rooms`, `unseen` and `many-rooms`, which train on up to
+hundreds of rooms. The presets lie in experiments/paper. Runs go where joblib's context sends them: a script that calls
+`main` within `joblib.parallel_config` can spread them over a cluster.
 """
 
 import sys
@@ -24,6 +25,7 @@ from typing import Literal, get_args
 
 import elm_ablation
 import irl_stability
+import reward_ranks
 import search_study
 import tyro
 from joblib import parallel_config
@@ -50,17 +52,23 @@ Piece = Literal[
     "metric-long",
     "metric-open",
     "metric-no-hindsight",
+    "metric-reward-alone",
     "vizdoom",
     "elm",
     "stability",
+    "reward-ranks",
     "ablation",
     "irl-methods",
     "map",
+    "map-vizdoom",
     "unseen",
     "many-rooms",
     "report",
 ]
-NAMED = ("vizdoom", "siamese-long", "siamese-rooms", "metric-long", "unseen", "many-rooms")
+NAMED = (
+    *("vizdoom", "map-vizdoom", "metric-reward-alone", "siamese-long", "siamese-rooms", "metric-long", "unseen"),
+    "many-rooms",
+)
 """Pieces that run only where they are named."""
 
 PIECES: tuple[Piece, ...] = tuple(piece for piece in get_args(Piece) if piece not in NAMED)
@@ -116,8 +124,13 @@ def main(settings: Paper) -> Path:
     if "stability" in settings.pieces and not (out / "stability" / "stability.csv").exists():
         walks = 4 if settings.quick else irl_stability.Study.trajectories
         irl_stability.main(irl_stability.Study(out / "stability", trajectories=walks, config=config))
+    if "reward-ranks" in settings.pieces:
+        shown = ("random-order",) if settings.quick else ()
+        reward_ranks.main(reward_ranks.Study(out / "reward-ranks", min(config.seeds, 3), shown, config))
     if "map" in settings.pieces:
         search_study.main(load_preset(PRESETS / "map.toml", overlays), out / "map", quick=settings.quick)
+    if "map-vizdoom" in settings.pieces:
+        search_study.maps(load_preset(PRESETS / "map-vizdoom.toml", overlays), out / "map-vizdoom")
     rows = {name: ablation_rows(study, changes, out / name) for name, study in studies.items()}
     with parallel_config(n_jobs=settings.jobs) if settings.jobs > 1 else nullcontext():
         path = write_study(out, rows).with_suffix(".html")

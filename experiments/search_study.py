@@ -1,4 +1,4 @@
-"""The mapping agent in rooms it has never seen, beside what bounds it from above and below: a piece of `make paper`.
+"""The mapping agent in scenes it has never seen, beside what bounds it from above and below: pieces of `make paper`.
 
 All seeds of a row run at once: the agent is deterministic, so that an episode which several seeds draw is run once.
 Every row is a file, and finished rows are not measured again.
@@ -15,18 +15,21 @@ from jaxtyping import Bool, Int
 
 from relm_irl_jax.agents.map.policy import MapPolicy
 from relm_irl_jax.agents.map.variants import MemorylessPolicy, explorer
+from relm_irl_jax.agents.random_agent import RandomPolicy
 from relm_irl_jax.config import Config, Task
 from relm_irl_jax.env import Episode, shortest_path
 from relm_irl_jax.episode_runner import run_episodes
 from relm_irl_jax.evaluation import Episodes, draw_episodes, evaluation_key
 from relm_irl_jax.files import write_table
 from relm_irl_jax.progress import console, progress_bar
+from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.stages.encoding import encode_training
 from relm_irl_jax.stages.evaluation import result_rows
 from relm_irl_jax.stages.make_agent import make_agent
 from relm_irl_jax.stages.worlds import EvaluationTask, evaluation_task, standardised_world
 from relm_irl_jax.studies.search_page import FAILURE_COLUMNS, METRIC_COLUMNS, SearchRow
+from relm_irl_jax.studies.study import complete_run
 from relm_irl_jax.tasks import Target
 from relm_irl_jax.types import Policy
 from relm_irl_jax.world import build_targets, scene_offsets
@@ -34,8 +37,9 @@ from relm_irl_jax.world import build_targets, scene_offsets
 FURTHER_SETS = (20, 50, 70)
 """First rooms of the further sets of nine unseen rooms, which no choice of a setting has looked at."""
 
-FEWER = 20
-"""Rows that only bound the agent have a twentieth of the episodes: their episodes last until the cap."""
+FEWER, FEWER_IN_MAPS = 20, 4
+"""In rooms, rows that only bound the agent have a twentieth of the episodes, in recorded maps a quarter: their episodes
+last until the cap."""
 
 
 def rows(episodes: int) -> list[SearchRow]:
@@ -81,6 +85,25 @@ def main(config: Config, out: Path, *, quick: bool = False) -> None:
             measure(config, row, out)
 
 
+def maps(config: Config, out: Path) -> None:
+    """Train the mapping agent on recorded maps, and measure it in those that it never saw.
+
+    Args:
+        config: the maps, agent and episodes; one seed.
+        out: folder of the run and of the rows.
+    """
+    folder = RunFolder(out / "run")
+    complete_run(replace(config, run=folder.path), tasks=["III"], maps=False)
+    few = -(-config.evaluation.episodes // FEWER_IN_MAPS)
+    for agent in ("map", "package", "oracle", "random", "explorer", "memoryless"):
+        weights = "package" if agent == "package" else str(folder.agent("rl", 0))
+        episodes = few if agent in ("explorer", "memoryless") else config.evaluation.episodes
+        row = SearchRow(agent, "III", 0, "empty", episodes)
+        if not row.path(out).exists():
+            console.print(f"{row.path(out)}", highlight=False)
+            measure(replace(config, seeds=1, map=replace(config.map, weights=weights)), row, out)
+
+
 def measure(config: Config, row: SearchRow, out: Path) -> None:
     """Measure one row and write its metrics and failures.
 
@@ -114,6 +137,8 @@ def measure(config: Config, row: SearchRow, out: Path) -> None:
 
 VARIANTS: dict[str, Callable[[MapPolicy], Policy]] = {
     "map": lambda policy: policy,
+    "package": lambda policy: policy,
+    "random": lambda policy: RandomPolicy(),
     "explorer": explorer,
     "memoryless": MemorylessPolicy,
 }

@@ -11,7 +11,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import ValidationError
 
-from relm_irl_jax.errors import DivergenceError, InputError, first_fault, not_installed, printable, system_fault
+from relm_irl_jax.errors import (
+    DivergenceError,
+    InputError,
+    first_fault,
+    is_memory_fault,
+    not_installed,
+    printable,
+    system_fault,
+)
 from relm_irl_jax.help_pages import COMMANDS, overview, train_help
 from relm_irl_jax.interruption import Resume
 from relm_irl_jax.lazy import deferred
@@ -99,6 +107,10 @@ def main() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)
     except (OSError, MemoryError, UnicodeError) as error:
+        _exit_with_error(system_fault(error))
+    except RuntimeError as error:  # JAX's errors are of this kind
+        if not is_memory_fault(error):
+            raise
         _exit_with_error(system_fault(error))
 
 
@@ -201,9 +213,11 @@ def _play(command: "Play") -> None:
         return
     if command.record is not None:
         raise InputError("record: only walks by keyboard are recorded; add --keyboard, or use `demonstrations`.")
+    if command.target is not None:
+        raise InputError("target: the targets are those of the run's task; leave it out, or play without a run.")
     folder, config = find_run(command.run)
     choice = AgentChoice(command.method, command.task, command.seed)
-    for file, path in play_run(config, folder, choice, command.episode):
+    for file, path in play_run(config, folder, choice, command.episode, command.scene):
         console.print(f"{file}: {_outcome(path)}", highlight=False, soft_wrap=True)
 
 

@@ -64,7 +64,7 @@ class Play:
     """Without a run: the mapping agent, with the weights of the package, searches in the scene. A terminal shows it
     step by step; the animation goes to `runs/play`."""
     scene: str | None = None
-    """Scene for the keyboard or the agent. With a run: the name of one of its scenes, by default the first.
+    """With a run: the name of one of its scenes; by default all are drawn, and the keyboard begins in the first.
     Without: a scene file or a built-in room, by default bathroom-0, for an agent bathroom-50."""
     target: str | None = None
     """Category of the target object without a run; by default a random one."""
@@ -99,7 +99,7 @@ class Record:
 class Bench:
     """Measure speed on this computer."""
 
-    name: tyro.conf.Positional[Literal["agent", "scaling", "elm", "irl", "encoder"]]
+    name: tyro.conf.Positional[Literal["peers", "agent", "scaling", "elm", "irl", "encoder"]]
     """The benchmark."""
     out: Path = Path("runs/bench")
     """Output folder, with a sub-folder for each benchmark. The encoder's benchmark writes no files."""

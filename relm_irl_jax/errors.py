@@ -112,7 +112,19 @@ _REMEDIES = {
 }
 
 
-def system_fault(error: OSError | MemoryError | UnicodeError) -> str:
+def is_memory_fault(error: BaseException) -> bool:
+    """Whether the memory did not suffice, on the host or on JAX's device.
+
+    Args:
+        error: any error.
+
+    Returns:
+        Whether it is one of Python's, or one of JAX's that says so.
+    """
+    return isinstance(error, MemoryError) or str(error).startswith("RESOURCE_EXHAUSTED")
+
+
+def system_fault(error: OSError | MemoryError | UnicodeError | RuntimeError) -> str:
     """One sentence on an error of the operating system.
 
     Args:
@@ -121,13 +133,15 @@ def system_fault(error: OSError | MemoryError | UnicodeError) -> str:
     Returns:
         File, reason and remedy.
     """
-    if isinstance(error, MemoryError):
+    if is_memory_fault(error):
         return "the memory does not suffice; give smaller settings, fewer scenes or smaller images."
     if isinstance(error, UnicodeError):
         return f"a name or path is not UTF-8 ({error.reason if hasattr(error, 'reason') else error}); rename it."
+    assert isinstance(error, OSError)
     reason = error.strerror or first_line(error)
     remedy = _REMEDIES.get(error.errno or 0, "correct it, and run the same command again")
-    return f"{f'{error.filename}: ' if error.filename else ''}{reason}; {remedy}."
+    name = error.filename2 or error.filename  # of a file that is renamed, the name that it should get
+    return f"{f'{name}: ' if name else ''}{reason}; {remedy}."
 
 
 def _suggestion(path: tuple[str, ...], settings: Any) -> str:

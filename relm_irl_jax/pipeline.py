@@ -1,6 +1,6 @@
 """The pipeline: scenes → features → targets → demonstrations → rewards → agents → evaluation → report.
 
-Trainings whose results are in the run folder are not repeated.
+Rewards and trainings whose results are in the run folder are not learned again.
 """
 
 from collections.abc import Sequence
@@ -10,20 +10,22 @@ from relm_irl_jax.config import METHODS, Config, Method, Task
 from relm_irl_jax.hardware import Stopwatch
 from relm_irl_jax.report.run_report import write_report
 from relm_irl_jax.results import LEARNED, Results
+from relm_irl_jax.rewards.learned import LearnedRewards
 from relm_irl_jax.run_config import locked, opened_run
 from relm_irl_jax.run_folder import RunFolder
+from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.scenes.selection import check_scenes_setting
 from relm_irl_jax.stages.agents_beside import LearnRewards, learned_once, runs_beside
 from relm_irl_jax.stages.encoding import EncodedScenes, check_encoder, encode_training
 from relm_irl_jax.stages.episodes import AgentChoice, play_task, save_shown_episodes
-from relm_irl_jax.stages.evaluation import evaluate_task
-from relm_irl_jax.stages.make_agent import check_agent, check_scenes, check_targets
+from relm_irl_jax.stages.evaluation import check_agents, evaluate_task
+from relm_irl_jax.stages.make_agent import check_agent, check_targets
 from relm_irl_jax.stages.memory import check_memory, check_scenes_memory
 from relm_irl_jax.stages.own_policies import OwnPolicy, check_name, enter, evaluate_own_policy
-from relm_irl_jax.stages.rewards import learn, save_rewards
+from relm_irl_jax.stages.rewards import learn, load_rewards, save_rewards
 from relm_irl_jax.stages.searches import save_shown_searches
 from relm_irl_jax.stages.training import SeedInputs, train_jointly, train_method, trains_jointly
-from relm_irl_jax.tasks import draw_split
+from relm_irl_jax.tasks import TaskSplit, draw_split
 
 
 def run(
@@ -72,12 +74,12 @@ def _run_stages(
     maps: bool,
 ) -> None:
     """Run the missing stages."""
+    check_agents(config, folder, finished=False)
     stopwatch = Stopwatch(folder.hardware)
     if encoded is None:
         with stopwatch("scenes and features"):
             encoded = encode_training(config)
     check_encoder(folder, encoded)
-    check_scenes(config, encoded.scenes)
     check_scenes_memory(config, encoded.scenes)
     joint: dict[Method, list[SeedInputs]] = {}
     for seed in range(config.seeds):
@@ -86,8 +88,10 @@ def _run_stages(
         learned = None
         if set(missing) & set(LEARNED):
             with stopwatch("inverse reinforcement learning and ELM"):
-                learned = learn_rewards(config, encoded.scenes, split, seed)
-                save_rewards(encoded.scenes, split, learned, seed, folder, maps=maps)
+                learned = load_rewards(config, folder, encoded.scenes, split, seed)
+                if learned is None:
+                    learned = learn_rewards(config, encoded.scenes, split, seed)
+                    save_rewards(encoded.scenes, split, learned, seed, folder, maps=maps)
         inputs = SeedInputs(seed, encoded.scenes, split, learned)
         for method in missing:
             if trains_jointly(config, method):
@@ -100,11 +104,28 @@ def _run_stages(
             train_jointly(config, method, seed_inputs, folder)
     for beside in runs_beside(config, folder).values():
         with stopwatch(f"the {beside.agent} agent"):
-            run(beside, tasks, encoded, learn_rewards, maps=maps)
+            run(beside, tasks, encoded, saved_or_learned(folder, learn_rewards), maps=maps)
     for task in tasks:
         with stopwatch("evaluation"):
             _evaluate(config, folder, encoded, task, maps=maps)
     write_report(folder)
+
+
+def saved_or_learned(folder: RunFolder, learn_rewards: LearnRewards) -> LearnRewards:
+    """Read rewards from a folder if they are there, and learn them otherwise.
+
+    Args:
+        folder: the folder of a run with the same rewards.
+        learn_rewards: learns rewards.
+
+    Returns:
+        A function that reads or learns rewards.
+    """
+
+    def read_or_learn(config: Config, scenes: Sequence[Scene], split: TaskSplit, seed: int) -> LearnedRewards:
+        return load_rewards(config, folder, scenes, split, seed) or learn_rewards(config, scenes, split, seed)
+
+    return read_or_learn
 
 
 def _evaluate_all(config: Config, folder: RunFolder, encoded: EncodedScenes, task: Task) -> None:
@@ -134,6 +155,7 @@ def evaluate_run(config: Config, folder: RunFolder, task: Task) -> None:
         task: `I`, `II` or `III`.
     """
     with locked(folder):
+        check_agents(config, folder, finished=True)
         encoded = encode_training(config)
         check_encoder(folder, encoded)
         _evaluate_all(config, folder, encoded, task)

@@ -107,6 +107,13 @@ def test_an_agent_can_be_watched(first, folder):
         assert ("not reached" in outcome) == (steps == 100)
 
 
+def test_one_scene_can_be_watched(first, folder):
+    out, _ = succeed(folder, "play", "one", "--method", "irl", "--task", "I", "--scene", "bedroom-1")
+    lines = [line for line in out.splitlines() if "shortest path" in line]
+    assert len(lines) == 1
+    assert "bedroom-1" in lines[0]
+
+
 def test_a_run_is_continued_with_another_method(first, folder):
     """Behaviour cloning joins, and nothing that was trained is trained again."""
     weights = folder / "one" / "agents" / "rl-seed-0.safetensors"
@@ -156,6 +163,9 @@ def test_the_command_starts_as_a_process_of_its_own(tmp_path):
         (("train", "--resume", "empty"), "contains no config.json"),
         (("train", "--resume", "one", "--frames", "7"), "one contains agents trained with frames = 1536, not 7"),
         (("train", "--resume"), "--resume: the folder is missing"),
+        (("play", "one", "--method", "irl", "--scene", "attic"), "Task I of this run is not in attic; give one of"),
+        (("play", "one", "--method", "irl", "--target", "lamp"), "the targets are those of the run's task"),
+        (("demonstrations", "one", "--out", "one"), "one is a folder; give the name of a file"),
         (("train", "--resume", "one", "--config", str(EXPERIMENT)), "the run already has a configuration"),
     ],
 )

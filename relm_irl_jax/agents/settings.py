@@ -140,6 +140,9 @@ class MapSettings:
     """Targets of an update, the same for all walks."""
     best_share: UnitInterval = 0.7
     """Share of the targets that show an object best, as the targets of tasks do; the others are any views."""
+    gamma: PositiveFloat = 1.0
+    """Exponent of the brightness of all views, in training and search: below 1 it brings out what dark views show, such
+    as those of ViZDoom, whose mean is a tenth of full brightness."""
     augmentation: Literal["none", "random-convolution"] = "none"
     """Whether the views of an update, targets too, pass through a convolution with random weights first, new ones for
     each update, so that colours and textures say little."""

@@ -81,8 +81,7 @@ def config_of(scenes: Scenes, config: Config | None, targets: int | None = None)
     if listed and not scenes:
         raise InputError("scenes: the list is empty; give at least one scene.")
     if targets is None and listed and config is None:
-        six = len(ROOM_TYPES) * DEFAULT.scene.training_per_type
-        targets = max(1, round(DEFAULT.tasks.training_targets * len(scenes) / six))
+        targets = max(1, round(DEFAULT.tasks.training_targets * len(scenes) / DEFAULT.scene.training_rooms))
     changes: dict = {"scenes": "a list" if listed else str(scenes)}
     if listed and all(scene.source == SOURCE and scene.features is None for scene in scenes):
         changes["encoder"] = {"weights": settings_for((config or DEFAULT).encoder, built_in=True).weights}

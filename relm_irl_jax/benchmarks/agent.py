@@ -1,14 +1,18 @@
 """Frames per second of the environment, of acting and of training, compared with a matrix product.
 
 Writes `agent.csv` and `agent.png`, and prints the table. The scenes are empty rooms with the built-in rooms' numbers of
-states, random features of dimension 2048 and a learned reward of dimension 64; the rates do not depend on the content
-of views. The operations of an update are counted analytically: matrix products of the shared layer, both halves of the
-fusion layer and the heads, forward and backward.
+states, random features with the dimension of the encoder `rooms` and a learned reward of dimension 64; the rates do not
+depend on the content of views. `environment` takes no reward and draws no action. `training` has twenty given targets;
+`imagined targets`, as in the default training, has up to a thousand of each scene. The operations of an update are
+counted analytically: matrix products of the shared layer, both halves of the fusion layer and the heads, forward and
+backward.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -17,20 +21,23 @@ from jaxtyping import PRNGKeyArray
 from rich.console import Console
 from rich.table import Table
 
-from relm_irl_jax import env
 from relm_irl_jax.agents.rollout import rollout, sample_action
 from relm_irl_jax.agents.settings import SiameseSettings
 from relm_irl_jax.agents.siamese.forward import passes_by_frames, passes_by_pairs
+from relm_irl_jax.agents.siamese.imagined_training import prepare_imagined
+from relm_irl_jax.agents.siamese.imagined_update import run_imagined_updates
 from relm_irl_jax.agents.siamese.network import SiameseActorCritic
 from relm_irl_jax.agents.siamese.training import prepare_training, run_updates
 from relm_irl_jax.agents.siamese.update import UpdateInputs, initial_memory, observe_views
 from relm_irl_jax.benchmarks.axes import label_log_axes
+from relm_irl_jax.benchmarks.environment import STEPS, environment_program
 from relm_irl_jax.benchmarks.irl import open_room
 from relm_irl_jax.benchmarks.rows import write_rows
 from relm_irl_jax.benchmarks.timing import Timing, describe_computer, time_calls
 from relm_irl_jax.progress import progress_bar
 from relm_irl_jax.rewards.equation import LinearRewardForm
 from relm_irl_jax.rewards.functions import LinearReward
+from relm_irl_jax.rewards.imagined import ImaginedTargets
 from relm_irl_jax.tasks import Target
 from relm_irl_jax.types import TrainingProblem
 from relm_irl_jax.world import build_targets, build_world
@@ -38,7 +45,7 @@ from relm_irl_jax.world import build_targets, build_world
 PLACES = (42, 42, 90, 90, 148, 148)
 """Places of the six scenes, four states each: two bathrooms, bedrooms and living rooms."""
 
-FEATURES, DIMENSION, CAP, UPDATES = 2048, 64, 100, 8
+FEATURES, DIMENSION, CAP, UPDATES = 512, 64, 100, 8
 
 
 @dataclass(frozen=True)
@@ -46,7 +53,7 @@ class Rate:
     """One timed case.
 
     Attributes:
-        case: `environment`, `acting` (environment and policy) or `training`.
+        case: `environment`, `acting` (environment, reward and policy), `training` or `imagined targets`.
         history: number of last views that the network observes.
         workers: number of workers.
         t_max: steps of each worker in a rollout or update.
@@ -133,23 +140,12 @@ def rates(settings: SiameseSettings, repeats: int) -> list[Rate]:
     Returns:
         One row for each case.
     """
-    state, inputs, form = prepare_training(jax.random.key(0), benchmark_problem(), settings)
+    problem = benchmark_problem()
+    state, inputs, form = prepare_training(jax.random.key(0), problem, settings)
     task, network = inputs.task, form.network
     shape = task.target_range.first.shape
-    frames, length = task.target_range.first.size * settings.t_max, UPDATES * settings.t_max
-    keys = iter(jax.random.split(jax.random.key(1), 4 * (repeats + 1)))
-
-    @jax.jit
-    def environment(key: PRNGKeyArray):
-        def advance(episode, key):
-            action_key, reset_key = jax.random.split(key)
-            action = jax.random.randint(action_key, shape, 0, 4)
-            next_episode, transition = env.step(episode, action, task.world, task.targets, task.cap)
-            done = transition.terminated | transition.truncated
-            new_episode = env.reset_all(reset_key, task.targets, task.target_range)
-            return env.select(done, new_episode, next_episode), done.sum()
-
-        return jax.lax.scan(advance, state.workers.episode, jax.random.split(key, length))
+    frames = shape[0] * shape[1] * settings.t_max
+    keys = iter(jax.random.split(jax.random.key(1), repeats + 1))
 
     @jax.jit
     def acting(key: PRNGKeyArray, parameters):
@@ -163,20 +159,50 @@ def rates(settings: SiameseSettings, repeats: int) -> list[Rate]:
             return memory, sample_action(key, forward(views, target).outputs.logits), None
 
         memory = initial_memory(shape, network.history)
-        workers, experience, sums = rollout(key, act, state.workers, task, memory, length)
+        workers, experience, sums = rollout(key, act, state.workers, task, memory, UPDATES * settings.t_max)
         return workers, experience.reward.sum(), sums
 
     def training():
         return run_updates(state, inputs, form=form, updates=UPDATES)
 
     cases = {
-        "environment": (lambda: environment(next(keys)), np.nan),
-        "acting": (lambda: acting(next(keys), state.parameters), np.nan),
-        "training": (training, UPDATES * operations(inputs, network, frames)),
+        "environment": (environment_program(problem, settings.workers), STEPS * settings.workers, np.nan),
+        "acting": (lambda: acting(next(keys), state.parameters), UPDATES * frames, np.nan),
+        "training": (training, UPDATES * frames, UPDATES * operations(inputs, network, frames)),
     }
+    if settings.history == 1:
+        cases["imagined targets"] = (imagined_program(problem, settings, UPDATES), UPDATES * frames, np.nan)
     return [
-        _rate(case, settings, UPDATES * frames, time_calls(call, repeats), work) for case, (call, work) in cases.items()
+        _rate(case, settings, count, time_calls(call, repeats), work) for case, (call, count, work) in cases.items()
     ]
+
+
+def imagined_program(problem: TrainingProblem, settings: SiameseSettings, updates: int) -> Callable[[], Any]:
+    """Updates of the default training, on imagined targets by the predicted reward alone.
+
+    Args:
+        problem: the benchmark problem; every state is a target, up to `imagined_targets` of each scene, with a
+            random reward.
+        settings: the agent's settings.
+        updates: number of updates in a call.
+
+    Returns:
+        The program.
+    """
+    generator = np.random.default_rng(0)
+    sizes = [4 * places for places in PLACES]
+    counts = [min(size, settings.imagined_targets) for size in sizes]
+    imagined = ImaginedTargets(
+        state=tuple(jnp.arange(count, dtype=jnp.int32) for count in counts),
+        trained=tuple(jnp.int32(3) for _ in sizes),
+        reward=tuple(
+            jnp.asarray(generator.random((count, size)), jnp.float32) for count, size in zip(counts, sizes, strict=True)
+        ),
+        collision=jnp.float32(0.0),
+        told=jnp.asarray(False),
+    )
+    state, inputs, form = prepare_imagined(jax.random.key(0), replace(problem, imagined=imagined), settings)
+    return lambda: run_imagined_updates(state, inputs, form=form, updates=updates)
 
 
 def _rate(case: str, settings: SiameseSettings, frames: int, timing: Timing, work: float) -> Rate:

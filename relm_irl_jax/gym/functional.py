@@ -4,9 +4,10 @@
     observation, state = environment.reset(key, params)
     observation, state, reward, done, info = environment.step(key, state, action, params)
 
-As in gymnax, `step` starts another episode when one ends: the observation is then the new episode's first, and
-`info["terminated"]` and `info["truncated"]` say how the last one ended. An action outside 0 to 3 is taken as the
-nearest one, since compiled functions raise no errors.
+This is the interface of gymnax before version 1.0, which PureJaxRL and others expect; `step` of later versions returns
+`terminated` and `truncated` in place of `done`. As in gymnax, `step` starts another episode when one ends: the
+observation is then the new episode's first, and `info["terminated"]` and `info["truncated"]` say how the last one
+ended. An action outside 0 to 3 is taken as the nearest one, since compiled functions raise no errors.
 """
 
 from dataclasses import dataclass, field

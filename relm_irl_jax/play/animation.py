@@ -20,7 +20,9 @@ FRAME_MILLISECONDS = 250
 """Duration of each step; the last one is shown four times as long."""
 
 
-def play(config: Config, folder: RunFolder, choice: AgentChoice, episode: int) -> list[tuple[Path, EpisodePath]]:
+def play(
+    config: Config, folder: RunFolder, choice: AgentChoice, episode: int, only: str | None = None
+) -> list[tuple[Path, EpisodePath]]:
     """Run one episode in each scene of a task, and write it as a GIF to the run folder.
 
     Args:
@@ -28,12 +30,13 @@ def play(config: Config, folder: RunFolder, choice: AgentChoice, episode: int) -
         folder: the run folder.
         choice: the agent and the task.
         episode: number of the episode, which determines start, target and actions.
+        only: name of a scene, if no other is to be drawn.
 
     Returns:
         Files and paths, in the order of the scenes.
 
     Raises:
-        InputError: the run contains no such agent.
+        InputError: the run contains no such agent, or the task has no such scene.
     """
     method, seed = choice.method, choice.seed
     if method != "random" and not folder.agent(method, seed).exists():
@@ -42,6 +45,10 @@ def play(config: Config, folder: RunFolder, choice: AgentChoice, episode: int) -
     encoded = encode_training(config)
     check_encoder(folder, encoded)
     paths = play_task(config, folder, encoded, choice, episode).paths
+    names = [scene.name for scene, _ in paths]
+    if only is not None and only not in names:
+        raise InputError(f"scene: Task {choice.task} of this run is not in {only}; give one of {', '.join(names)}.")
+    paths = [(scene, path) for scene, path in paths if only in (None, scene.name)]
     with progress_bar("drawing episodes", len(paths), "scenes") as advance:
         for scene, episode_path in paths:
             file = folder.animation(method, choice.task, scene.name, episode)

@@ -149,8 +149,10 @@ def learning_figure(curves: MethodCurves) -> Figure:
         for method, by_seed in curves.items():
             band = confidence_band(list(by_seed.values()), metric)
             millions = band.frames / 1e6
-            style = {"marker": "o"} if len(millions) == 1 else {"lw": 1.3}  # one chunk is no line
-            panel.plot(millions, band.mean, color=method_colour(method), label=method_name(method), **style)
+            marker = "o" if len(millions) == 1 else None  # one chunk is no line
+            panel.plot(
+                millions, band.mean, marker=marker, color=method_colour(method), lw=1.3, label=method_name(method)
+            )
             low, high = band.mean - band.half_width, band.mean + band.half_width
             panel.fill_between(millions, low, high, color=method_colour(method), alpha=0.18, lw=0)
         panel.set(xlabel="training frames in millions", ylabel=label, xlim=(0, None), ylim=(0, None))

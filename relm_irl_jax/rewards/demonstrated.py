@@ -22,7 +22,7 @@ from relm_irl_jax.experts import (
     shortest_path_trajectories,
     sub_trajectories,
 )
-from relm_irl_jax.irl import MaxMarginProblem, Solution, WeightsOf, learn_weights, learn_weights_by
+from relm_irl_jax.irl import MaxMarginProblem, WeightsOf, learn_weights, learn_weights_by
 from relm_irl_jax.progress import console
 from relm_irl_jax.rewards.settings import IrlSettings
 from relm_irl_jax.scenes.scene import Scene, successors
@@ -39,13 +39,13 @@ class DemonstratedReward:
     Attributes:
         target: the target, in a training scene.
         starts: states from which demonstrations lead to the target.
-        solution: the solved problem, with weights w.
+        weights: the weights w that solve the problem.
         trained: whether the target is a training target; otherwise it is the end of a sub-trajectory.
     """
 
     target: Target
     starts: Int32[np.ndarray, "starts"]
-    solution: Solution
+    weights: Float64[np.ndarray, "d"]
     trained: bool
 
 
@@ -213,7 +213,7 @@ def learn_demonstrated_rewards(
                 "change its settings under irl."
             )
     return tuple(
-        DemonstratedReward(item.target, item.starts, solution, item.trained)
+        DemonstratedReward(item.target, item.starts, solution.w, item.trained)
         for item, solution in zip(to_solve, solutions, strict=True)
         if solution.solved
     )

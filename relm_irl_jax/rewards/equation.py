@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 
 import jax
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Float64, Int
 
 from relm_irl_jax.rewards.settings import IrlSettings
 
@@ -63,6 +63,32 @@ def unclipped_reward(weights: AnyArray, phi: AnyArray, target_phi: AnyArray, for
     """
     namespace: Any = phi.__array_namespace__()
     return namespace.vecdot(weights, phi - target_phi if form.relative else phi)
+
+
+def paid_share(
+    weights: Float64[np.ndarray, "targets d"],
+    phi: Float64[np.ndarray, "states d"],
+    target: Int[np.ndarray, "targets"],
+    form: LinearRewardForm,
+    limit: float,
+) -> Float64[np.ndarray, "targets states"]:
+    """How much of r_max each view is paid where the reward alone says that it is the target's.
+
+        p(s, g) = clip( 1 + ŵ·(φ(s) − φ(g)) / (limit · r_max), 0, 1 )
+
+    Args:
+        weights: ŵ of each target.
+        phi: φ of the states.
+        target: target states.
+        form: bounds and form.
+        limit: cost above which nothing is paid, as a share of r_max.
+
+    Returns:
+        The shares.
+    """
+    values = np.stack([unclipped_reward(w, phi, phi[g], form) for w, g in zip(weights, target, strict=True)])
+    relative = values - values[np.arange(len(target)), target][:, None]
+    return np.clip(1.0 + relative / (limit * float(form.r_max)), 0.0, 1.0)
 
 
 def linear_reward(

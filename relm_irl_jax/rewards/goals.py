@@ -3,6 +3,10 @@
 This module separates training from evaluation: with `strict`, no evaluation target is a goal. The goals also depend on
 the method's reward. RL can use any visited view as a goal, at a constant cost of each step. IRL has weights for the
 targets of its demonstrations and the states along them. ELM-IRL and RELM-IRL predict weights for any pair of views.
+
+Where nothing tells of the arrival at a goal, the reward alone says which views are the target's. Being paid a share p
+of the reward for ever after n steps is worth γⁿ p, up to a constant factor. The best is therefore the least
+n + ln p / ln γ: a step costs 1, and stopping in a view costs ln p / ln γ steps.
 """
 
 from collections.abc import Callable, Sequence
@@ -15,7 +19,7 @@ from jaxtyping import Array, Float32, Float64, Int, Int32
 
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.progress import progress_bar
-from relm_irl_jax.rewards.equation import linear_reward
+from relm_irl_jax.rewards.equation import linear_reward, paid_share
 from relm_irl_jax.rewards.learned import LearnedRewards
 from relm_irl_jax.rewards.predicted import RewardPredictor
 from relm_irl_jax.rewards.settings import ManualSettings
@@ -36,12 +40,40 @@ class Goals:
         count: number of goals in each scene.
         trained: number of training targets among them.
         cost: cost of each local state for each goal, in units of the goal's mean cost.
+        stop: cost of stopping in each local state, infinite where it pays nothing, if the reward alone says where the
+            goal is; None if the agent is told of the arrival.
     """
 
     state: Int32[Array, "scenes goals"]
     count: Int32[Array, "scenes"]
     trained: Int32[Array, "scenes"]
     cost: Float32[Array, "scenes goals locals"]
+    stop: Float32[Array, "scenes goals locals"] | None = None
+
+
+@dataclass(frozen=True)
+class RewardAlone:
+    """How the reward alone says where a goal is.
+
+    Attributes:
+        limit: predicted cost above which a view is not the target's, as a share of r_max.
+        discount: γ.
+    """
+
+    limit: float
+    discount: float
+
+    def stop(self, share: Float64[np.ndarray, "goals states"]) -> Float64[np.ndarray, "goals states"]:
+        """Cost of stopping, in steps.
+
+        Args:
+            share: p, the share of the largest reward that each view is paid.
+
+        Returns:
+            ln p / ln γ; infinite where p is 0.
+        """
+        with np.errstate(divide="ignore"):
+            return np.log(share) / np.log(self.discount)
 
 
 def goal_states(scenes: Sequence[Scene], split: TaskSplit, hindsight: str) -> list[Int[np.ndarray, "_"]]:
@@ -67,6 +99,8 @@ def goal_states(scenes: Sequence[Scene], split: TaskSplit, hindsight: str) -> li
 
 def manual_goals(scenes: Sequence[Scene], split: TaskSplit, hindsight: str, settings: ManualSettings) -> Goals:
     """Goals of the RL baseline: every step costs the same.
+
+    They are those of the control, too, by either protocol: to be paid at the target's view only is to be told of it.
 
     Args:
         scenes: training scenes.
@@ -101,7 +135,7 @@ def demonstrated_goals(scenes: Sequence[Scene], split: TaskSplit, hindsight: str
     """
     weights: list[dict[int, list[np.ndarray]]] = [{} for _ in scenes]
     for reward in learned.demonstrated:
-        weights[reward.target.scene].setdefault(reward.target.state, []).append(reward.solution.w)
+        weights[reward.target.scene].setdefault(reward.target.state, []).append(reward.weights)
     states = [
         np.asarray([state for state in allowed.tolist() if state in of_scene])
         for allowed, of_scene in zip(goal_states(scenes, split, hindsight), weights, strict=True)
@@ -121,6 +155,7 @@ def predicted_goals(
     generator: np.random.Generator,
     *,
     from_current_view: bool,
+    alone: RewardAlone | None = None,
 ) -> Goals:
     """Goals of ELM-IRL and RELM-IRL: any state, with costs from predicted weights.
 
@@ -133,11 +168,19 @@ def predicted_goals(
         predictor: predicts weights in these scenes.
         generator: source of randomness of the starts.
         from_current_view: whether weights are predicted from the current view.
+        alone: how the reward alone says where a goal is; None if the agent is told of arrivals.
 
     Returns:
         The goals.
     """
     states = goal_states(scenes, split, hindsight)
+    if alone is not None:
+        shares = []
+        for number, (scene, goals) in enumerate(zip(scenes, states, strict=True)):
+            predicted = _mean_weights(predictor, number, scene, goals, generator)
+            shares.append(paid_share(predicted, predictor.phi[number], goals, predictor.form, alone.limit))
+        steps = [np.ones_like(share) for share in shares]
+        return _pad_goals(states, steps, split, [alone.stop(share) for share in shares])
     if from_current_view:
         with progress_bar("predicting rewards", sum(map(len, states)), "goals") as advance:
 
@@ -148,11 +191,22 @@ def predicted_goals(
             return _pad_goals(states, _costs_of_goals(states, costs), split)
     weights = []
     for number, (scene, goals) in enumerate(zip(scenes, states, strict=True)):
-        starts = generator.choice(scene.reachable, (IMAGINED_STARTS, len(goals)))
-        predicted = np.mean([predictor.weights(number, start, goals) for start in starts], axis=0)
+        predicted = _mean_weights(predictor, number, scene, goals, generator)
         weights.append(dict(zip(goals.tolist(), predicted, strict=True)))
     costs_of_goals = _costs_of_goals(states, lambda g: _costs(weights[g.scene][g.state], g, predictor))
     return _pad_goals(states, costs_of_goals, split)
+
+
+def _mean_weights(
+    predictor: RewardPredictor,
+    number: int,
+    scene: Scene,
+    goals: Int[np.ndarray, "goals"],
+    generator: np.random.Generator,
+) -> Float64[np.ndarray, "goals d"]:
+    """Mean of the weights predicted for each goal from some random starts."""
+    starts = generator.choice(scene.reachable, (IMAGINED_STARTS, len(goals)))
+    return np.mean([predictor.weights(number, start, goals) for start in starts], axis=0)
 
 
 def _costs_of_goals(
@@ -178,7 +232,12 @@ def _positive(
     return np.maximum(cost, rewards.form.minimum_cost)
 
 
-def _pad_goals(states: Sequence[Int[np.ndarray, "_"]], costs: Sequence[np.ndarray], split: TaskSplit) -> Goals:
+def _pad_goals(
+    states: Sequence[Int[np.ndarray, "_"]],
+    costs: Sequence[np.ndarray],
+    split: TaskSplit,
+    stops: Sequence[np.ndarray] | None = None,
+) -> Goals:
     """Pad goals and costs, and divide the costs of each goal by their mean, so that the unit of costs is a mean step.
 
     The division changes no optimal path. It makes distances to all goals comparable, which an embedding needs: with
@@ -192,5 +251,15 @@ def _pad_goals(states: Sequence[Int[np.ndarray, "_"]], costs: Sequence[np.ndarra
     for number, (goals, of_scene) in enumerate(zip(states, costs, strict=True)):
         state[number, : len(goals)] = goals
         cost[number, : len(goals), : of_scene.shape[1]] = of_scene / of_scene.mean(1, keepdims=True)
+    stop = None if stops is None else np.full_like(cost, np.inf)
+    for number, of_scene in enumerate(stops or ()):
+        assert stop is not None
+        stop[number, : of_scene.shape[0], : of_scene.shape[1]] = of_scene
     trained = np.bincount([target.scene for target in split.training], minlength=len(states))
-    return Goals(jnp.asarray(state), jnp.asarray(count, jnp.int32), jnp.asarray(trained, jnp.int32), jnp.asarray(cost))
+    return Goals(
+        state=jnp.asarray(state),
+        count=jnp.asarray(count, jnp.int32),
+        trained=jnp.asarray(trained, jnp.int32),
+        cost=jnp.asarray(cost),
+        stop=None if stop is None else jnp.asarray(stop),
+    )

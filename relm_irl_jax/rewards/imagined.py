@@ -24,7 +24,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float32, Float64, Int, Int32
 
-from relm_irl_jax.rewards.equation import linear_reward, unclipped_reward
+from relm_irl_jax.rewards.equation import linear_reward, paid_share
 from relm_irl_jax.rewards.goals import IMAGINED_STARTS, goal_states
 from relm_irl_jax.rewards.predicted import RewardPredictor
 from relm_irl_jax.scenes.scene import Scene
@@ -135,10 +135,7 @@ def predicted_rewards(
             at_target = np.arange(len(phi)) == targets[:, None]
             rows = zip(weights, targets, at_target, strict=True)
             return np.stack([linear_reward(w, phi, phi[g], at, predictor.form) for w, g, at in rows])
-        rows = zip(weights, targets, strict=True)
-        values = np.stack([unclipped_reward(w, phi, phi[g], predictor.form) for w, g in rows])
-        relative = values - values[np.arange(len(targets)), targets][:, None]
-        return r_max * np.clip(1.0 + relative / (limit * r_max), 0.0, 1.0)
+        return r_max * paid_share(weights, phi, targets, predictor.form, limit)
 
     return _targets(states, split, rewards, np.inf if limit is None else 0.0, told=limit is None)
 

@@ -139,7 +139,7 @@ def demonstrated_reward(scenes: Sequence[Scene], targets: Sequence[Target], lear
         to_starts = [distance[:, trained[i].starts] for i in to_target]
         distance_to_trajectory = np.stack([np.where(d < 0, len(d), d).min(1) for d in to_starts])
         row[number, : len(distance)] = np.asarray(to_target)[distance_to_trajectory.argmin(0)]
-    weights = np.stack([demonstrated.solution.w for demonstrated in trained])
+    weights = np.stack([demonstrated.weights for demonstrated in trained])
     return _linear_reward(weights, row, learned.phi, learned.form)
 
 

@@ -12,12 +12,16 @@ import numpy as np
 from jaxtyping import Float32, Float64, Int
 
 from relm_irl_jax.elm import ELMRegressor
+from relm_irl_jax.elm.hidden_layer import Projection
 from relm_irl_jax.progress import progress_bar
 from relm_irl_jax.rewards.demonstrated import DemonstratedReward
 from relm_irl_jax.rewards.equation import LinearRewardForm, linear_reward
 from relm_irl_jax.rewards.settings import ElmSettings
 from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.tasks import Target
+
+SCENES_AT_ONCE = 8
+"""Scenes whose projections a predictor keeps: their size is that of the hidden layer for every view."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +80,7 @@ def pair_data(
     views = [scenes[reward.target.scene].encoded for reward in rewards]
     start_views = np.stack([view[start] for view, start in zip(views, starts, strict=True)])
     target_views = np.stack([view[reward.target.state] for view, reward in zip(views, rewards, strict=True)])
-    return PairData(pair_inputs(start_views, target_views), np.stack([reward.solution.w for reward in rewards]), index)
+    return PairData(pair_inputs(start_views, target_views), np.stack([reward.weights for reward in rewards]), index)
 
 
 def fit_regressor(data: PairData, settings: ElmSettings, seed: int, *, regularised: bool) -> ELMRegressor:
@@ -111,7 +115,7 @@ class RewardPredictor:
     """Predicted weights and rewards for all pairs of views within scenes.
 
     Each view is projected by the input layer once as a start and once as a target, not once for each pair. All pairs of
-    a room then take seconds instead of minutes.
+    a room then take seconds instead of minutes. The projections of `SCENES_AT_ONCE` scenes are kept.
 
     Args:
         scenes: encoded scenes.
@@ -129,9 +133,17 @@ class RewardPredictor:
     ):
         self.phi, self.form = tuple(phi), form
         self._regressor = regressor
-        views = [np.asarray(scene.encoded, np.float64) for scene in scenes]
-        self._as_start = [regressor.hidden_.project(view) for view in views]
-        self._as_target = [regressor.hidden_.project(view, first=view.shape[1]) for view in views]
+        self._views = [scene.encoded for scene in scenes]
+        self._kept: dict[int, tuple[Projection, Projection]] = {}
+
+    def _projected(self, scene: int) -> tuple[Projection, Projection]:
+        """The products of a scene's views with the weights of starts and of targets."""
+        if scene not in self._kept:
+            view, hidden = np.asarray(self._views[scene], np.float64), self._regressor.hidden_
+            if len(self._kept) == SCENES_AT_ONCE:
+                del self._kept[next(iter(self._kept))]
+            self._kept[scene] = hidden.project(view), hidden.project(view, first=view.shape[1])
+        return self._kept[scene]
 
     def weights(
         self, scene: int, start: Int[np.ndarray, "pairs"], target: Int[np.ndarray, "pairs"]
@@ -146,7 +158,8 @@ class RewardPredictor:
         Returns:
             The weights.
         """
-        pairs = self._as_start[scene][start] + self._as_target[scene][target]
+        as_start, as_target = self._projected(scene)
+        pairs = as_start[start] + as_target[target]
         return self._regressor.hidden_.activate(pairs) @ self._regressor.coef_ + self._regressor.intercept_
 
     def weights_to(self, target: Target) -> Float64[np.ndarray, "states d"]:

@@ -6,6 +6,7 @@ from typing import Literal
 from pydantic.dataclasses import dataclass
 
 from relm_irl_jax.bounds import (
+    Discount,
     NonNegativeFloat,
     NonNegativeInt,
     PositiveFloat,
@@ -95,3 +96,10 @@ class GoalSettings:
     imagine: bool = True
     """Whether ELM-IRL and RELM-IRL, which predict rewards for any pair of views, use the goals of `strict` if
     `hindsight` is `none`. RL and IRL then have the training targets only."""
+    arrival: Literal["told", "reward-alone"] = "told"
+    """Whether ELM-IRL and RELM-IRL are told which state a goal is, or the predicted reward alone says which views are
+    the target's. For all other methods, and for the control, both are the same."""
+    cost_limit: PositiveFloat = 0.05
+    """With `reward-alone`, the predicted cost above which a view is not the target's, as a share of r_max."""
+    discount: Discount = 0.95
+    """With `reward-alone`, the discount factor by which a view that pays less is given up for one that is farther."""

@@ -35,3 +35,8 @@ class SceneSettings:
     first_unseen: NonNegativeInt | None = None
     """Number of the first unseen built-in room of each type, so that other training rooms leave the unseen ones the
     same; by default they follow the training rooms."""
+
+    @property
+    def training_rooms(self) -> int:
+        """Number of built-in rooms to train on."""
+        return self.training_per_type * len(ROOM_TYPES)

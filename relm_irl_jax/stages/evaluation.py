@@ -18,7 +18,7 @@ from relm_irl_jax.results import ResultRow, Results, load_entries, save_results
 from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.saved_maps import SHORTEST_PATH, StateMap, poses_of, save_map
 from relm_irl_jax.scenes.scene import first_of_each_type
-from relm_irl_jax.stages.agents_beside import rows_beside
+from relm_irl_jax.stages.agents_beside import rows_beside, runs_beside
 from relm_irl_jax.stages.encoding import EncodedScenes
 from relm_irl_jax.stages.make_agent import make_agent
 from relm_irl_jax.stages.rewards import load_predictor
@@ -114,12 +114,7 @@ def evaluate_task(config: Config, folder: RunFolder, training: EncodedScenes, ta
     tasks = [evaluation_task(config, training, task, seed) for seed in range(config.seeds)]
     rows: list[ResultRow] = []
     shown: dict[Method, Policy] = {}
-    jobs = [
-        (seed, method)
-        for seed in range(config.seeds)
-        for method in METHODS
-        if method in config.chosen_methods() or folder.agent(method, seed).exists()
-    ]
+    jobs = _evaluated(config, folder)
     total = sum(len(tasks[seed].scenes) for seed, _ in jobs) * config.evaluation.episodes
     with progress_bar(f"evaluating task {task}", total, "episodes") as advance:
         for seed, method in jobs:
@@ -143,6 +138,36 @@ def evaluate_task(config: Config, folder: RunFolder, training: EncodedScenes, ta
     results = Results(task, config.tasks.cap, training.encoder_name, tuple(rows))
     save_results(folder, results)
     return results
+
+
+def check_agents(config: Config, folder: RunFolder, *, finished: bool) -> None:
+    """Read the files of all agents, those beside the run's own too, before the work with them.
+
+    Args:
+        config: the configuration.
+        folder: the run folder.
+        finished: whether agents that are missing are an error; otherwise they are still to be trained.
+
+    Raises:
+        InputError: a file is damaged or missing.
+    """
+    for seed, method in _evaluated(config, folder):
+        path = folder.agent(method, seed)
+        if method != "random" and (finished or path.exists()):
+            load_parameters(path)
+    for beside in runs_beside(config, folder).values():
+        assert beside.run is not None
+        check_agents(beside, RunFolder(beside.run), finished=finished)
+
+
+def _evaluated(config: Config, folder: RunFolder) -> list[tuple[int, Method]]:
+    """Seeds and methods in the tables: those of the configuration, and others that were trained before."""
+    return [
+        (seed, method)
+        for seed in range(config.seeds)
+        for method in METHODS
+        if method in config.chosen_methods() or folder.agent(method, seed).exists()
+    ]
 
 
 def _save_distances(folder: RunFolder, task: EvaluationTask, policies: Mapping[Method, DistancePolicy]) -> None:

@@ -40,7 +40,7 @@ class Export:
 
 
 def check_output(path: Path, form: str) -> None:
-    """Refuse names of files that a library does not read.
+    """Refuse folders in place of files, and names that a library does not read.
 
     Args:
         path: the file, or the dataset's folder.
@@ -51,7 +51,10 @@ def check_output(path: Path, form: str) -> None:
     """
     if form == "minari":
         minari.check_name(path)
-    elif form == "imitation":
+        return
+    if path.is_dir():
+        raise InputError(f"out: {path} is a folder; give the name of a file.")
+    if form == "imitation":
         imitation.check_file(path)
 
 

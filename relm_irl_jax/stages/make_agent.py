@@ -6,7 +6,6 @@ from pathlib import Path
 
 from relm_irl_jax.agents.map.agent import MapAgent, Views
 from relm_irl_jax.agents.map.network import VIEW
-from relm_irl_jax.agents.map.rooms import count_poses
 from relm_irl_jax.agents.map.training_rooms import GeneratedRooms
 from relm_irl_jax.agents.map.weights import SHIPPED, load_weights
 from relm_irl_jax.agents.metric.agent import MetricAgent
@@ -17,8 +16,7 @@ from relm_irl_jax.agents.siamese.behaviour_cloning import BehaviourCloningAgent
 from relm_irl_jax.config import MAP_METHODS, Config, Method, Task
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.results import LEARNED
-from relm_irl_jax.scenes.scene import Scene, successors
-from relm_irl_jax.scenes.settings import ROOM_TYPES, ROOMS
+from relm_irl_jax.scenes.settings import ROOMS
 from relm_irl_jax.scenes.views import scene_views
 from relm_irl_jax.types import Agent, Parameters
 
@@ -105,7 +103,7 @@ def training_rooms_count(config: Config) -> int:
     Returns:
         The number.
     """
-    return config.map.rooms if config.agent == "map" else config.scene.training_per_type * len(ROOM_TYPES)
+    return config.map.rooms if config.agent == "map" else config.scene.training_rooms
 
 
 def check_targets(config: Config) -> None:
@@ -118,7 +116,7 @@ def check_targets(config: Config) -> None:
     Raises:
         InputError: a training room would have no training target.
     """
-    rooms, targets = config.scene.training_per_type * len(ROOM_TYPES), config.tasks.training_targets
+    rooms, targets = config.scene.training_rooms, config.tasks.training_targets
     if config.scenes == ROOMS and targets < rooms:
         raise InputError(
             f"tasks.training_targets: {targets} leave some of the {rooms} training rooms without a target; give at "
@@ -138,6 +136,10 @@ def check_agent(config: Config, tasks: Sequence[Task]) -> None:
     """
     if config.agent != "siamese" and "bc" in config.chosen_methods():
         raise InputError("methods: bc clones the siamese agent's policy; leave it out, or use --agent siamese.")
+    if config.agent == "map" and config.goals.arrival != "told":
+        raise InputError(
+            "goals.arrival: the mapping agent is trained on no reward; leave it out, or use --agent metric."
+        )
     if config.agent == "map" and (unused := set(config.chosen_methods()) - set(MAP_METHODS)):
         raise InputError(
             f"methods: {', '.join(sorted(unused))} trains on a reward, which the mapping agent does not; "
@@ -150,21 +152,3 @@ def check_agent(config: Config, tasks: Sequence[Task]) -> None:
         raise InputError(
             f"{config.agent}.heads: scene has no head for the unseen scenes of task III; use room_type or shared."
         )
-
-
-def check_scenes(config: Config, scenes: Sequence[Scene]) -> None:
-    """Refuse training scenes that the mapping agent's map cannot hold, before their views are read.
-
-    Args:
-        config: the configuration.
-        scenes: the training scenes.
-
-    Raises:
-        InputError: the agent is trained on the scenes, or its memory begins filled with them, and one is too large.
-    """
-    if config.agent != "map":
-        return
-    on_scenes = "goals" in make_agent(config, "rl").requires
-    if on_scenes or config.resolved().map.memory == "filled":
-        for scene in scenes:
-            count_poses(successors(scene.graph), scene.name)

@@ -2,13 +2,15 @@
 
 from collections.abc import Sequence
 
-from relm_irl_jax.agents.map.geometry import N_CELLS
+from relm_irl_jax.agents.map.geometry import N_CELLS, Extent
 from relm_irl_jax.agents.map.network import KERNEL, RECORD, VIEW
+from relm_irl_jax.agents.map.rooms import places_along_side
 from relm_irl_jax.config import Config
 from relm_irl_jax.features.resnet import N_FEATURES
 from relm_irl_jax.hardware import require_memory
 from relm_irl_jax.results import PREDICTED
-from relm_irl_jax.scenes.scene import Scene
+from relm_irl_jax.rewards.predicted import SCENES_AT_ONCE
+from relm_irl_jax.scenes.scene import Scene, successors
 from relm_irl_jax.scenes.selection import unseen_scenes
 from relm_irl_jax.scenes.settings import ROOM_TYPES, ROOMS
 from relm_irl_jax.stages.encoding import scene_settings
@@ -38,6 +40,10 @@ MATRICES = 3
 MAPPED_VIEW = 2 * VIEW**2 * 3 + 2 * N_CELLS * (RECORD + KERNEL) * FLOAT32
 """Bytes of a state while the mapping agent looks at all views: its view, of its scene and among those of all, and what
 the network says about it, in batches and together."""
+
+MAPPED_CELL = 2 * (RECORD + KERNEL) * FLOAT32
+"""Bytes of a cell of the map of an episode: its sums before and after a step, their means, and their Fourier
+transform."""
 
 
 def check_memory(config: Config) -> None:
@@ -84,31 +90,34 @@ def estimates_of_scenes(config: Config, scenes: Sequence[Scene]) -> dict[str, in
         what = f"training the {config.agent} agent on {max(sizes):,} states of a scene and as many goals"
         needed[what] = len(sizes) * max(sizes) ** 2 * COST_TABLES * FLOAT32
     if "features" not in required and config.scenes != ROOMS:  # an agent that looks at pixels
-        states = _looked_at(config, sizes)
+        evaluated = _evaluated(config, scenes)
+        states = max(sum(sizes) if trains(config) else 0, sum(scene.n_states for scene in evaluated))
         needed[f"the mapping agent's look at the views of {states:,} states"] = states * MAPPED_VIEW
+        places = max(places_along_side(successors(scene.graph)) for scene in evaluated)
+        needed[f"the mapping agent's map of scenes up to {places:,} places wide"] = (
+            len(evaluated) * Extent.of_places(places).grid ** 2 * MAPPED_CELL
+        )
     if set(PREDICTED) & set(config.chosen_methods()):
         needed |= _predictions(config, sizes)
     return needed
 
 
-def _looked_at(config: Config, sizes: Sequence[int]) -> int:
-    """Most states of a folder's scenes whose views the mapping agent holds at once, in training or evaluation."""
-    trained = sum(sizes) if trains(config) else 0
+def _evaluated(config: Config, scenes: Sequence[Scene]) -> Sequence[Scene]:
+    """The scenes of a folder that are evaluated; of the training scenes, as small ones as the targets allow."""
     if config.task == "III":
-        evaluated = sum(load(views=False).n_states for load in unseen_scenes(config.scenes, scene_settings(config)))
-    else:
-        shown = config.tasks.training_targets if config.task == "I" else len(sizes)  # every scene has a new target
-        evaluated = sum(sorted(sizes)[:shown])
-    return max(trained, evaluated)
+        return [load(views=False) for load in unseen_scenes(config.scenes, scene_settings(config))]
+    shown = config.tasks.training_targets if config.task == "I" else len(scenes)  # every scene has a new target
+    return sorted(scenes, key=lambda scene: scene.n_states)[:shown]
 
 
 def _predictions(config: Config, sizes: Sequence[int]) -> dict[str, int]:
     """Bytes of tables of predicted rewards."""
     states, siamese = sum(sizes), config.siamese
+    projected = sum(sorted(sizes)[-SCENES_AT_ONCE:])
     weights = config.tasks.training_targets * min(sizes) * (config.irl.dimension or 1)
     needed = {
         # Every view's as a start and as a target, their sum and its activation.
-        f"elm.hidden: the neurons of {states:,} states": 2 * (states + max(sizes)) * config.elm.hidden * FLOAT64,
+        f"elm.hidden: the neurons of {projected:,} states": 2 * (projected + max(sizes)) * config.elm.hidden * FLOAT64,
         "tasks.training_targets and irl.dimension: the predicted weights of every state": weights * COPIES * FLOAT32,
     }
     if "imagined" in make_agent(config, "relm-irl").requires:

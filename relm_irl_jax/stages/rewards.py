@@ -5,14 +5,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from relm_irl_jax.config import Config, Method
-from relm_irl_jax.elm import load_elm, save_elm
+from relm_irl_jax.elm import ELMRegressor, load_elm, save_elm
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.files import load_arrays, save_arrays, write_table
 from relm_irl_jax.irl import WeightsOf
 from relm_irl_jax.progress import console
 from relm_irl_jax.results import PREDICTED, RewardQualityRow, save_reward_quality
 from relm_irl_jax.rewards.basis import RewardBasis
-from relm_irl_jax.rewards.demonstrated import describe_recorded
+from relm_irl_jax.rewards.demonstrated import DemonstratedReward, describe_recorded
 from relm_irl_jax.rewards.equation import form_of, linear_reward
 from relm_irl_jax.rewards.learned import LearnedRewards, learn_rewards
 from relm_irl_jax.rewards.predicted import RewardPredictor
@@ -74,7 +74,9 @@ def save_rewards(
         {
             "mean": learned.basis.mean,
             "components": learned.basis.components,
-            "weights": np.stack([reward.solution.w for reward in learned.demonstrated]),
+            "weights": np.stack([reward.weights for reward in learned.demonstrated]),
+            "starts": np.concatenate([reward.starts for reward in learned.demonstrated]),
+            "start_count": np.asarray([len(reward.starts) for reward in learned.demonstrated]),
             "scene": np.asarray([reward.target.scene for reward in learned.demonstrated]),
             "target": np.asarray([reward.target.state for reward in learned.demonstrated]),
             "trained": np.asarray([reward.trained for reward in learned.demonstrated]),
@@ -87,9 +89,53 @@ def save_rewards(
         neurons = np.arange(1, len(regularised.press_curve_) + 1)
         curve = {"neurons": neurons, "mean_squared_error": regularised.press_curve_}
         write_table(folder.rewards(seed, "press.csv"), curve)
-    save_reward_quality(folder.rewards(seed, "quality.csv"), _quality(scenes, split, learned, seed))
     if maps and seed == 0:
         _save_maps(scenes, split, learned, folder)
+    # The last file: where it is, the others are.
+    save_reward_quality(folder.rewards(seed, "quality.csv"), reward_quality_rows(scenes, split, learned, seed))
+
+
+def load_rewards(
+    config: Config, folder: RunFolder, scenes: Sequence[Scene], split: TaskSplit, seed: int
+) -> LearnedRewards | None:
+    """Read the learned rewards of a seed, which an interrupted run has left.
+
+    Args:
+        config: the configuration as run.
+        folder: the run folder.
+        scenes: encoded training scenes.
+        split: the targets of all tasks.
+        seed: the run's seed.
+
+    Returns:
+        The same as was learned; None if the files are not all there and whole, so that they must be learned again.
+    """
+    if not folder.rewards(seed, "quality.csv").is_file():
+        return None
+    try:
+        arrays = load_arrays(folder.rewards(seed, "demonstrated.safetensors"))
+        regressors: dict[str, ELMRegressor] = {
+            method: load_elm(folder.rewards(seed, f"{method}.safetensors")) for method in PREDICTED
+        }
+        basis = RewardBasis(arrays["mean"], arrays["components"])
+        ends = np.cumsum(arrays["start_count"])
+        columns = zip(
+            arrays["scene"].tolist(),
+            arrays["target"].tolist(),
+            np.split(arrays["starts"], ends[:-1]),
+            arrays["weights"],
+            arrays["trained"].tolist(),
+            strict=True,
+        )
+        chosen = {(target.scene, target.state): target for target in split.training}
+        demonstrated = tuple(
+            DemonstratedReward(chosen[scene, state] if trained else Target(scene, state), starts, weights, trained)
+            for scene, state, starts, weights, trained in columns
+        )
+        phi = tuple(basis.phi(scene) for scene in scenes)
+    except (InputError, KeyError, ValueError, IndexError, TypeError):
+        return None
+    return LearnedRewards(basis, phi, demonstrated, regressors, form_of(config.irl))
 
 
 def make_predictor(learned: LearnedRewards, method: Method, scenes: Sequence[Scene]) -> RewardPredictor | None:
@@ -137,15 +183,27 @@ def load_predictor(
     return RewardPredictor(scenes, [basis.phi(scene) for scene in scenes], regressor, form_of(config.irl))
 
 
-def _quality(scenes: Sequence[Scene], split: TaskSplit, learned: LearnedRewards, seed: int) -> list[RewardQualityRow]:
-    """Quality of every method's reward, for trained and for new targets."""
+def reward_quality_rows(
+    scenes: Sequence[Scene], split: TaskSplit, learned: LearnedRewards, seed: int
+) -> list[RewardQualityRow]:
+    """Quality of every method's reward, for trained and for new targets.
+
+    Args:
+        scenes: encoded training scenes.
+        split: the targets of all tasks.
+        learned: the learned rewards.
+        seed: the run's seed.
+
+    Returns:
+        The rows.
+    """
     by_method: dict[tuple[str, str], list[RewardQuality]] = {
         ("irl", "trained"): [
             reward_quality(
                 scenes[reward.target.scene],
                 reward.target.state,
                 learned.phi[reward.target.scene],
-                reward.solution.w,
+                reward.weights,
                 learned.form,
             )
             for reward in learned.demonstrated
@@ -172,7 +230,7 @@ def _quality(scenes: Sequence[Scene], split: TaskSplit, learned: LearnedRewards,
 
 def _save_maps(scenes: Sequence[Scene], split: TaskSplit, learned: LearnedRewards, folder: RunFolder) -> None:
     """Save maps of all learned rewards in one room of each type, for a trained and for a new target."""
-    demonstrated = {reward.target: reward.solution.w for reward in learned.demonstrated if reward.trained}
+    demonstrated = {reward.target: reward.weights for reward in learned.demonstrated if reward.trained}
     predictors = {method: make_predictor(learned, method, scenes) for method in PREDICTED}
     for room_type, number in first_of_each_type(scenes).items():
         for name, targets in (("trained", split.training), ("new", split.new)):

@@ -16,7 +16,7 @@ from relm_irl_jax.parameters import save_parameters
 from relm_irl_jax.progress import progress_bar
 from relm_irl_jax.rewards.demonstrated import demonstrate_targets
 from relm_irl_jax.rewards.functions import ManualReward, RewardFunction, manual_reward
-from relm_irl_jax.rewards.goals import Goals, demonstrated_goals, manual_goals, predicted_goals
+from relm_irl_jax.rewards.goals import Goals, RewardAlone, demonstrated_goals, manual_goals, predicted_goals
 from relm_irl_jax.rewards.imagined import ImaginedTargets, constant_rewards, imagined_states, predicted_rewards
 from relm_irl_jax.rewards.learned import LearnedRewards, demonstrated_reward, predicted_reward
 from relm_irl_jax.rewards.predicted import RewardPredictor
@@ -73,14 +73,16 @@ def training_problem(config: Config, method: Method, inputs: SeedInputs, agent: 
     # The hand-made reward needs no scale: an additional step changes its return by about as much as a learned reward's
     # scaled return, so that the entropy bonus has a similar effect in both.
     learned_scale = config.irl.max_margin.r_max * config.irl.cost_horizon
+    imagined = imagined_of(config, method, inputs, predictor) if "imagined" in agent.requires else None
     return TrainingProblem(
         world=standardised_world(scenes, scenes),
         targets=targets,
-        reward=reward_of(config, method, inputs, predictor),
+        # Imagined targets have their own rewards; predicting those of all pairs of given targets would be in vain.
+        reward=reward_of(config, method, inputs, predictor) if imagined is None else manual_reward(config.manual),
         cap=config.tasks.cap,
         frames=config.training_frames,
         return_scale=1.0 if method in ("rl", "bc") else learned_scale,
-        imagined=imagined_of(config, method, inputs, predictor) if "imagined" in agent.requires else None,
+        imagined=imagined,
         goals=goals_of(config, method, inputs, predictor) if "goals" in agent.requires else None,
         demonstrations=demonstrations_of(config, inputs) if "demonstrations" in agent.requires else None,
     )
@@ -134,7 +136,9 @@ def goals_of(config: Config, method: Method, inputs: SeedInputs, predictor: Rewa
     generator = np.random.default_rng([inputs.seed, 5])
     assert predictor is not None
     from_current = config.elm.predict_from == "current"
-    return predicted_goals(scenes, split, hindsight, predictor, generator, from_current_view=from_current)
+    told = config.goals.arrival == "told"
+    alone = None if told else RewardAlone(config.goals.cost_limit, config.goals.discount)
+    return predicted_goals(scenes, split, hindsight, predictor, generator, from_current_view=from_current, alone=alone)
 
 
 def imagined_of(

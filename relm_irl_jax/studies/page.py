@@ -18,7 +18,7 @@ from relm_irl_jax.results import load_all_results
 from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.studies.ablation import AblationRow, ablation_columns, ablation_table
 from relm_irl_jax.studies.rooms_figure import rooms_figure
-from relm_irl_jax.studies.search_page import search_section
+from relm_irl_jax.studies.search_page import maps_section, search_section
 
 P = ParamSpec("P")
 
@@ -37,6 +37,7 @@ RUN_TITLES = {
     "metric-long": "The metric agent, with three times the frames",
     "metric-open": "The metric agent, open: evaluation targets may also be goals",
     "metric-no-hindsight": "The metric agent without hindsight: only methods that predict rewards have further goals",
+    "metric-reward-alone": "The metric agent, not told where imagined targets are: only the predicted reward says so",
     "vizdoom": "The metric agent in scenes recorded from ViZDoom",
 }
 """Titles of a study's runs, by the names of their folders."""
@@ -107,6 +108,7 @@ def write_study(out: Path, studies: Mapping[str, Sequence[AblationRow]]) -> Path
     text += _rooms_figure(out, [*rows["unseen"], *rows["many-rooms"]])
     text += _readable(_stability, out)
     text += _readable(search_section, out / "map")
+    text += _readable(maps_section, out / "map-vizdoom")
     text += ["Runs share learned rewards; the time to learn them is counted in the first run only.", ""]
     for name, folder in runs.items():
         text += [f"## Hardware and configuration: {RUN_TITLES[name]}", "", *_readable(circumstances, folder, "###")]

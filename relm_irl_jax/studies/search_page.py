@@ -1,4 +1,4 @@
-"""The report's part on the mapping agent in unseen rooms: tables of its rows and of the episodes that fail."""
+"""The report's part on the mapping agent in unseen scenes: tables of its rows and of the episodes that fail."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -23,13 +23,15 @@ FAILURE_COLUMNS = ("seed", "scene", "category", "target", "start", "shortest")
 
 NAMES = {
     "map": "Mapping agent",
+    "package": "Mapping agent, weights of the built-in rooms",
+    "random": "Random",
     "oracle": "Oracle: shortest paths",
     "explorer": "Systematic exploration, no network",
     "memoryless": "Memoryless: a map of the current view alone",
 }
 """What is measured, by name."""
 
-ORDER = ("oracle", "map", "memoryless", "explorer")
+ORDER = ("oracle", "map", "package", "memoryless", "explorer", "random")
 
 
 @dataclass(frozen=True)
@@ -83,6 +85,48 @@ def search_section(out: Path) -> list[str]:
         *failure_table([row for row in found if row.agent == "map"], out),
         "",
     ]
+
+
+def maps_section(out: Path) -> list[str]:
+    """The table of recorded maps, if its rows are there.
+
+    Args:
+        out: folder of the rows.
+
+    Returns:
+        Lines of Markdown; none without rows.
+    """
+    found = saved_rows(out)
+    if not found:
+        return []
+    return [
+        "## The mapping agent in recorded maps never seen",
+        "",
+        "Success rate / SPL. The agent was trained on the other maps of the same folder, with one seed.",
+        "",
+        *maps_table(found, out),
+        "",
+    ]
+
+
+def maps_table(rows: Sequence[SearchRow], out: Path) -> list[str]:
+    """A table of success rate and SPL by scene, and their means over scenes.
+
+    Args:
+        rows: the rows, all with the same scenes.
+        out: folder of the rows.
+
+    Returns:
+        Lines of Markdown.
+    """
+    tables = [read_table(row.path(out)) for row in rows]
+    lines = ["| | Episodes | " + " | ".join(tables[0]["scene"]) + " | Mean |", "|---|---:|"]
+    lines[1] += "---:|" * (len(tables[0]["scene"]) + 1)
+    for row, table in zip(rows, tables, strict=True):
+        values = np.array([table["sr"], table["spl"]], float)
+        cells = [f"{sr:.2f} / {spl:.2f}" for sr, spl in (*values.T, values.mean(1))]
+        lines.append(f"| {NAMES[row.agent]} | {sum(map(int, table['episodes'])):,} | " + " | ".join(cells) + " |")
+    return lines
 
 
 def saved_rows(out: Path) -> list[SearchRow]:

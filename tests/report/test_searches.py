@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from builders import grid_scene
 
-from relm_irl_jax.agents.map.geometry import RADIUS, SIDE
+from relm_irl_jax.agents.map.geometry import Extent
 from relm_irl_jax.agents.map.walks import relative_pose
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.report.searches import probability_of_target, search_columns, search_figure
@@ -16,6 +16,7 @@ from relm_irl_jax.stages.episodes import EpisodePath
 from relm_irl_jax.stages.searches import search_over_room, shown_moments
 from relm_irl_jax.types import Belief
 
+RADIUS, SIDE = Extent().radius, Extent().side
 SCENE = grid_scene(4, 3)
 SCENE = replace(SCENE, observation=np.zeros((SCENE.n_states, 2, 2, 3), np.uint8))
 FRAME = (1, -2, 3)

@@ -92,7 +92,7 @@ def test_the_expert_follows_the_record(tmp_path):
         next(r for r in learn_demonstrated_rewards(ROOMS, SPLIT, phi, each, 0) if r.target == target)
         for each in (settings, IrlSettings(max_margin=LENIENT, trajectories=3))
     )
-    assert not np.allclose(recorded.solution.w, shown.solution.w)
+    assert not np.allclose(recorded.weights, shown.weights)
 
 
 def test_a_file_written_is_read_again(tmp_path):

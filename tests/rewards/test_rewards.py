@@ -17,7 +17,7 @@ from relm_irl_jax.rewards.basis import fit_basis
 from relm_irl_jax.rewards.demonstrated import learn_demonstrated_rewards
 from relm_irl_jax.rewards.equation import LinearRewardForm, linear_reward
 from relm_irl_jax.rewards.functions import LinearReward, manual_reward
-from relm_irl_jax.rewards.goals import IMAGINED_STARTS, manual_goals, predicted_goals
+from relm_irl_jax.rewards.goals import IMAGINED_STARTS, RewardAlone, manual_goals, predicted_goals
 from relm_irl_jax.rewards.learned import (
     demonstrated_reward,
     learn_demonstrated,
@@ -164,19 +164,17 @@ def test_weights_may_come_from_another_method(rooms, split, method):
     assert [record.target for record in found.demonstrated] == list(split.training)
     for record in found.demonstrated:
         phi = found.phi[record.target.scene]
-        assert np.abs((phi - phi[record.target.state]) @ record.solution.w).max() <= 1 + 1e-6
+        assert np.abs((phi - phi[record.target.state]) @ record.weights).max() <= 1 + 1e-6
 
 
 def test_rewards_obey_their_bounds_and_are_best_at_the_target(rooms, learned):
     for record in learned.demonstrated:
         scene, target = rooms[record.target.scene], record.target.state
         phi = learned.phi[record.target.scene]
-        values = (phi - phi[target]) @ record.solution.w
+        values = (phi - phi[target]) @ record.weights
         assert values.max() < 1e-6
         assert values.min() > -1 - 1e-6
-        assert reward_quality(scene, target, phi, record.solution.w, learned.form).rank <= 1 + int(
-            (values > -1e-9).sum()
-        )
+        assert reward_quality(scene, target, phi, record.weights, learned.form).rank <= 1 + int((values > -1e-9).sum())
 
 
 def test_episodes_are_paid_by_the_weights_of_their_target(rooms, split, learned):
@@ -184,7 +182,7 @@ def test_episodes_are_paid_by_the_weights_of_their_target(rooms, split, learned)
     for row, target in enumerate(split.training):
         record = next(r for r in learned.demonstrated if r.target == target)
         used = np.asarray(model.weights)[np.asarray(model.row)[row, : rooms[target.scene].n_states]]
-        np.testing.assert_allclose(used, np.broadcast_to(record.solution.w, used.shape), rtol=1e-6)
+        np.testing.assert_allclose(used, np.broadcast_to(record.weights, used.shape), rtol=1e-6)
 
 
 def test_single_trajectories_have_weights_of_their_own(rooms, split, learned):
@@ -217,7 +215,7 @@ def test_problems_of_large_scenes_are_solved_in_parts(rooms, split, learned, mon
     assert [said for _, said in parts] == [f"inverse RL, part {i + 1}/{len(parts)}" for i in range(len(parts))]
     assert [record.target for record in records] == [record.target for record in learned.demonstrated]
     for one, other in zip(records, learned.demonstrated, strict=True):
-        np.testing.assert_array_equal(one.solution.w, other.solution.w)
+        np.testing.assert_array_equal(one.weights, other.weights)
 
 
 def test_predictions_follow_the_pairs_they_were_fitted_on(rooms, split, learned, data, regressors, predictor):
@@ -253,6 +251,27 @@ def test_goals_cost_what_the_regressor_predicts(rooms, split, regressors, predic
         weights = each if from_current_view else np.repeat(drawn.mean(0)[None], len(views), 0)
         expected = np.clip(-(weights * (phi - phi[goal])).sum(1), IRL.minimum_cost, 1.0)
         np.testing.assert_allclose(np.asarray(goals.cost)[0, column, :48], expected / expected.mean(), rtol=1e-5)
+
+
+def test_the_reward_alone_says_where_goals_are(rooms, split, predictor):
+    """A view is paid the less, the more its predicted reward is below the goal's."""
+    alone = RewardAlone(limit=0.5, discount=0.95)
+    goals = predicted_goals(
+        rooms, split, "strict", predictor, np.random.default_rng(5), from_current_view=False, alone=alone
+    )
+    assert goals.stop is not None
+    assert not set(np.asarray(goals.state)[1][: int(goals.count[1])]) & split.evaluation_only(1)
+    generator, phi = np.random.default_rng(5), predictor.phi[0]
+    starts = generator.choice(rooms[0].reachable, (IMAGINED_STARTS, int(goals.count[0])))
+    for column in (0, 5):
+        goal = int(goals.state[0, column])
+        weights = np.mean([predictor.weights(0, s[[column]], np.asarray([goal]))[0] for s in starts], axis=0)
+        share = np.clip(1 + 2 * (phi - phi[goal]) @ weights, 0, 1)
+        stop = np.asarray(goals.stop)[0, column, :48]
+        assert stop[goal] == 0.0
+        np.testing.assert_array_equal(np.isinf(stop), share == 0)
+        np.testing.assert_allclose(0.95 ** stop[share > 0], share[share > 0], rtol=1e-4)
+    assert set(np.unique(goals.cost).tolist()) == {1.0}
 
 
 def test_goals_of_all_methods_share_one_compiled_training(rooms, split, predictor):

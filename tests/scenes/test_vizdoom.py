@@ -148,6 +148,16 @@ def test_a_door_that_a_move_closes_is_open_again_for_the_next(engine):
         assert opened.move(place._replace(rotation=180), AHEAD) is not None
 
 
+def test_a_secret_place_writes_nothing_over_its_views(engine):
+    """Letters would have the same colour at every heading."""
+    place = Pose(26.375, 17.0, 0)
+    with vizdoom_map("e4m4", VizdoomSettings(states=8, image_size=224)) as opened:
+        views = [opened.view(place._replace(rotation=rotation)).image.astype(int) for rotation in HEADINGS]
+    red, _, blue = np.moveaxis(np.mean(views, 0), -1, 0)
+    letters = (np.std(views, 0).max(-1) < 2) & (red > 140) & (blue < 90)
+    assert letters.sum() < 30  # 309 of "A secret is revealed"
+
+
 def wad(path, *entries):
     """A WAD file with an empty directory entry of each name."""
     directory = b"".join(struct.pack("<ii8s", 12, 0, name.encode()) for name in entries)

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import jax
 import numpy as np
 import pytest
 from builders import grid_scene, labelled
@@ -60,3 +61,15 @@ def test_the_control_of_the_metric_agent_imagines_without_hindsight(inputs):
     np.testing.assert_array_equal(rl.count, rl.trained)
     assert (np.asarray(constant.count) > np.asarray(constant.trained)).all()
     assert set(np.unique(constant.cost).tolist()) == {1.0}
+
+
+def test_the_control_of_the_metric_agent_is_told_by_either_protocol(inputs):
+    """To be paid at the target's view only is to be told of it."""
+    told, alone = (
+        replace(Config(), goals=replace(Config().goals, hindsight="none", arrival=arrival))
+        for arrival in ("told", "reward-alone")
+    )
+    one, other = (goals_of(config, "constant", inputs, None) for config in (told, alone))
+    for left, right in zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True):
+        np.testing.assert_array_equal(left, right)
+    assert other.stop is None

@@ -16,8 +16,7 @@ from relm_irl_jax.scenes import mapped_copy, scene_file, selection
 from relm_irl_jax.scenes.mapped_copy import map_copy
 from relm_irl_jax.scenes.scene_file import load_scene, save_scene
 from relm_irl_jax.stages import encoding, memory
-from relm_irl_jax.stages.make_agent import check_scenes
-from relm_irl_jax.stages.memory import MAPPED_VIEW, check_memory, check_scenes_memory, estimates
+from relm_irl_jax.stages.memory import MAPPED_CELL, MAPPED_VIEW, check_memory, check_scenes_memory, estimates
 
 CONFIG = Config()
 
@@ -72,6 +71,7 @@ def test_a_large_scene_is_refused_for_agents_that_learn_from_goals(monkeypatch):
     scenes = [grid_scene(2, 2), grid_scene(5, 5)]
     monkeypatch.setattr(hardware, "available_memory", lambda: 2 * 100**2 * 8 * 4 - 1)
     monkeypatch.setattr(memory, "MAPPED_VIEW", 1)
+    monkeypatch.setattr(memory, "MAPPED_CELL", 1)
     for agent in ("metric", "map"):
         trained = replace(CONFIG.map, weights="train")
         config = replace(CONFIG, agent=agent, methods=("rl",), map=trained, scenes="a folder")
@@ -119,15 +119,21 @@ def test_tables_of_predictions_that_do_not_fit_are_refused(changes, said, monkey
     return None
 
 
-@pytest.mark.parametrize("changes", [{"weights": "train"}, {"weights": "package", "memory": "filled"}])
-def test_a_scene_wider_than_the_map_is_refused_before_its_views_are_read(changes, monkeypatch, tmp_path):
-    scenes = [grid_scene(17, 1), grid_scene(18, 1, name="bathroom-1")]
-    config = replace(CONFIG, agent="map", methods=("rl",), scenes=str(tmp_path), map=replace(CONFIG.map, **changes))
-    with pytest.raises(InputError, match="bathroom-1: 18 places along one side; the mapping agent's map holds 17"):
-        check_scenes(config, scenes)
-    check_scenes(config, scenes[:1])
-    check_scenes(replace(config, agent="metric"), scenes)
-    check_scenes(replace(config, map=replace(CONFIG.map, weights="package")), scenes)
+@pytest.mark.parametrize("task", ["I", "III"])
+def test_scenes_too_wide_to_be_mapped_are_refused(task, monkeypatch, tmp_path):
+    """Of 90 places along a side, a map has 2 · (96 + 12) = 216 rows, whatever the others need."""
+    scenes = [grid_scene(90, 1), grid_scene(17, 1, name="bathroom-1")]
+    loaders = [lambda *, views, scene=scene: scene for scene in scenes]
+    monkeypatch.setattr(memory, "unseen_scenes", lambda *_: loaders)
+    monkeypatch.setattr(memory, "MAPPED_VIEW", 1)
+    config = replace(CONFIG, agent="map", methods=("rl",), task=task, scenes=str(tmp_path))
+    config = replace(config, map=replace(CONFIG.map, weights="package"))
+    monkeypatch.setattr(hardware, "available_memory", lambda: 2 * 216**2 * MAPPED_CELL - 1)
+    with pytest.raises(InputError, match="the mapping agent's map of scenes up to 90 places wide needs about"):
+        check_scenes_memory(config, scenes)
+    check_scenes_memory(replace(config, agent="metric"), scenes)
+    monkeypatch.setattr(hardware, "available_memory", lambda: 2 * 216**2 * MAPPED_CELL)
+    check_scenes_memory(config, scenes)
 
 
 def test_a_scene_that_does_not_fit_is_refused(tmp_path, monkeypatch):

@@ -63,7 +63,7 @@ def test_shared_rewards_are_those_learned(scenes):
     np.testing.assert_array_equal(own.basis.components, held.basis.components)
     for one, other in zip(own.demonstrated, held.demonstrated, strict=True):
         assert one.target == other.target
-        np.testing.assert_array_equal(one.solution.w, other.solution.w)
+        np.testing.assert_array_equal(one.weights, other.weights)
     for method, regressor in own.regressors.items():
         np.testing.assert_array_equal(regressor.predict(pair), held.regressors[method].predict(pair))
 

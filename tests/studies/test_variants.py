@@ -44,6 +44,7 @@ def test_the_tables_are_of_all_methods_and_five_seeds(name):
         "siamese-long": 6,
         "siamese-told": 4,
         "metric-no-hindsight": 6,
+        "metric-reward-alone": 4,
     }.get(name, 5)
     quick = load_preset(PRESETS / f"{name}.toml", [PRESETS / "quick.toml"])
     assert (quick.agent, quick.scene.size) == (agent, "tiny")
@@ -58,6 +59,7 @@ def test_every_variant_changes_its_base():
         "irl-methods.toml",
         "many-rooms.toml",
         "map.toml",
+        "map-vizdoom.toml",
         "unseen.toml",
     }
     for changes in ({}, read_fields(PRESETS / "quick.toml")):

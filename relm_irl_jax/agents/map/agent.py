@@ -14,12 +14,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float64, PRNGKeyArray, UInt8
 
-from relm_irl_jax.agents.map.augmentation import draw_filter
+from relm_irl_jax.agents.map.augmentation import draw_filter, gamma_corrected
 from relm_irl_jax.agents.map.filled import fill_maps
 from relm_irl_jax.agents.map.loss import Losses, initial_parameters
 from relm_irl_jax.agents.map.network import VIEW, MapNetwork, look
 from relm_irl_jax.agents.map.policy import MapPolicy, SearchSettings, map_policy
-from relm_irl_jax.agents.map.rooms import Room, room_from_graph
+from relm_irl_jax.agents.map.rooms import Room, room_from_graph, world_extent
 from relm_irl_jax.agents.map.training_rooms import GivenRooms, TrainingRooms
 from relm_irl_jax.agents.map.update import Numbers, TrainState, make_optimizer, update
 from relm_irl_jax.agents.map.walks import Walks, draw_walks
@@ -95,7 +95,7 @@ class MapAgent:
             The parameters and the learning curve.
 
         Raises:
-            InputError: a scene's views are missing or do not fit it, or it is too large.
+            InputError: a scene's views are missing or do not fit it.
         """
         if self.trained is not None:
             return self.trained(), curve_from_rows(MapCurve, [])
@@ -114,16 +114,19 @@ class MapAgent:
             The policy; in a world of training scenes alone, its memory may begin filled.
 
         Raises:
-            InputError: a scene's views are missing or do not fit it, or it is too large to be filled.
+            InputError: a scene's views are missing or do not fit it.
             ValueError: the parameters are not those of the network.
         """
         if not fits(parameters, self.network):
             raise ValueError("the parameters do not fit the network")
         views = world_views(self.views, world)
-        projections = look(self.network, parameters["network"], jnp.asarray(views))
+        seen = gamma_corrected(views, self.settings.gamma)
+        projections = look(self.network, parameters["network"], jnp.asarray(seen))
         known = self.settings.memory == "filled" and bool((np.asarray(world.training_scene) >= 0).all())
-        filled = fill_maps(projections.record, views, world) if known else None
-        return map_policy(parameters, projections, np.asarray(targets.state), search_settings(self.settings), filled)
+        extent = world_extent(world)
+        filled = fill_maps(projections.record, views, world, extent) if known else None
+        search, rows = search_settings(self.settings), np.asarray(targets.state)
+        return map_policy(parameters, projections, rows, search, extent, filled)
 
 
 def search_settings(settings: MapSettings) -> SearchSettings:
@@ -217,6 +220,11 @@ def draw_chunk(rooms: TrainingRooms, settings: MapSettings, seed: int, number: i
             targets=settings.targets,
             best_share=settings.best_share,
         )
+        walks = replace(
+            walks,
+            views=gamma_corrected(walks.views, settings.gamma),
+            target_views=gamma_corrected(walks.target_views, settings.gamma),
+        )
         if settings.augmentation == "random-convolution":
             walks = replace(walks, convolution=draw_filter(generator))
         drawn.append(walks)
@@ -280,5 +288,5 @@ def world_rooms(problem: TrainingProblem, views: Views) -> Sequence[Room]:
         first = int(states[0])
         best = target[scene[target] == number] - first
         allowed = np.asarray(goals.state)[number, : int(goals.count[number])]
-        rooms.append(room_from_graph(views[states], successor[states] - first, best, allowed, world.names[number]))
+        rooms.append(room_from_graph(views[states], successor[states] - first, best, allowed))
     return rooms

@@ -1,4 +1,8 @@
-"""Random convolution of views, which changes colours and textures and keeps shapes.
+"""Changes of views before the network sees them.
+
+*Gamma correction* brightens dark views: v′ = 255 (v / 255)^γ, the same for all views of a run.
+
+*Random convolution* changes colours and textures in training and keeps shapes:
 
     x′ = K ∗ x,    K ∈ R^(3 × 3 × 3 × 3),    K ~ N(0, 2 / (27 + 27)) with probability 1 − α, else the identity
 
@@ -29,6 +33,21 @@ def draw_filter(generator: np.random.Generator) -> Float32[np.ndarray, "3 3 3 3"
         weights[:] = 0.0
         weights[1, 1] = np.eye(3)
     return weights
+
+
+def gamma_corrected(views: UInt8[np.ndarray, "*views 3"], gamma: float) -> UInt8[np.ndarray, "*views 3"]:
+    """Brighten or darken views.
+
+    Args:
+        views: RGB views.
+        gamma: γ; below 1 brightens.
+
+    Returns:
+        The corrected views.
+    """
+    if gamma == 1.0:
+        return views
+    return np.rint(255 * (np.arange(256) / 255) ** gamma).astype(np.uint8)[views]
 
 
 def random_convolution(

@@ -6,13 +6,14 @@ among those seen, which says where it stands; the target is located on the map a
 """
 
 from dataclasses import dataclass
+from functools import partial
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int32, UInt8
 
-from relm_irl_jax.agents.map.geometry import GRID, RADIUS, SIDE
+from relm_irl_jax.agents.map.geometry import Extent
 from relm_irl_jax.agents.map.memory import add_view
 from relm_irl_jax.agents.map.rooms import count_poses
 from relm_irl_jax.world import World
@@ -35,7 +36,10 @@ class FilledMaps:
 
 
 def fill_maps(
-    record: Float[Array, "views cells record"], views: UInt8[np.ndarray, "views height width 3"], world: World
+    record: Float[Array, "views cells record"],
+    views: UInt8[np.ndarray, "views height width 3"],
+    world: World,
+    extent: Extent,
 ) -> FilledMaps:
     """Draw the map of every scene from all its views.
 
@@ -43,24 +47,22 @@ def fill_maps(
         record: what each view of the world says about the cells of its region.
         views: the views.
         world: the scenes; poses are counted along its moves.
+        extent: how far the maps reach.
 
     Returns:
         The maps; their origin is in the middle of the scene. Of equal views, the first counts.
-
-    Raises:
-        InputError: a scene is too large.
     """
     scene, successor = np.asarray(world.scene), np.asarray(world.successor)
     poses = np.zeros((len(scene), 3), np.int32)
     grids, blocked = [], []
-    for number, name in enumerate(world.names):
+    for number in range(world.n_scenes):
         states = np.flatnonzero(scene == number)
-        kept, pose = count_poses(successor[states] - states[0], name)
+        kept, pose = count_poses(successor[states] - states[0])
         pose[:, 1:] -= (pose[:, 1:].min(0) + pose[:, 1:].max(0)) // 2
-        free = np.zeros((SIDE, SIDE), bool)
-        free[pose[:, 1] + RADIUS, pose[:, 2] + RADIUS] = True
+        free = np.zeros((extent.side, extent.side), bool)
+        free[pose[:, 1] + extent.radius, pose[:, 2] + extent.radius] = True
         blocked.append(~free)
-        grids.append(_draw(record[states[kept]], jnp.asarray(pose)))
+        grids.append(_draw(record[states[kept]], jnp.asarray(pose), extent))
         first: dict[bytes, int] = {}
         place = np.zeros(len(states), int)
         place[kept] = np.arange(len(kept))
@@ -69,10 +71,10 @@ def fill_maps(
     return FilledMaps(jnp.stack(grids), jnp.asarray(np.stack(blocked)), jnp.asarray(poses))
 
 
-@jax.jit
+@partial(jax.jit, static_argnames="extent")
 def _draw(
-    record: Float[Array, "views cells record"], pose: Int32[Array, "views 3"]
+    record: Float[Array, "views cells record"], pose: Int32[Array, "views 3"], extent: Extent
 ) -> Float[Array, "grid grid record"]:
     """Sum views on a grid, one after the other."""
-    empty = jnp.zeros((GRID, GRID, record.shape[-1]), record.dtype)
+    empty = jnp.zeros((extent.grid, extent.grid, record.shape[-1]), record.dtype)
     return jax.lax.scan(lambda grid, view: (add_view(grid, *view), None), empty, (record, pose))[0]

@@ -17,9 +17,12 @@ that each of them covers:
 
 Cells at the edge of the view are half covered and weigh half. At depth 0 all columns weigh the same.
 
-*Map grid.* An array of GRID × GRID cells whose entry (HALF, HALF) is the start. Poses within RADIUS cells of the
-start are considered; all that they can see lies on the grid.
+*Extent.* Poses within `radius` cells of the start along each axis are considered. The map is a grid of cells, the start
+in its middle, on which all lies that these poses can see. `Extent` says how large both are. Nothing else records it:
+what needs it reads it off the arrays that it was made for.
 """
+
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float32, Int32
@@ -33,20 +36,71 @@ SPAN = 2 * REACH + 1
 N_CELLS = (REACH + 1) ** 2
 """Cells of a view region."""
 
-RADIUS = 16
-"""Greatest distance of a pose from the start along each axis, in cells: built-in rooms are at most 17 places wide."""
+STEP = 8
+"""Cells in which the radius of an extent grows, so that scenes of similar width share compiled programs."""
 
-SIDE = 2 * RADIUS + 1
-"""Rows and columns of the square of poses."""
 
-GRID = 56
-"""Rows and columns of the grid: at least 2 (RADIUS + REACH) + 1, a multiple of 8."""
+@dataclass(frozen=True)
+class Extent:
+    """How far the map reaches.
 
-HALF = GRID // 2
-"""Row and column of the start on the grid."""
+    Attributes:
+        radius: greatest distance of a pose from the start along each axis, in cells. The default holds the built-in
+            rooms, which are at most 17 places wide.
+    """
 
-INNER = slice(HALF - RADIUS, HALF + RADIUS + 1)
-"""The square of poses on the grid."""
+    radius: int = 16
+
+    @property
+    def side(self) -> int:
+        """Rows and columns of the square of poses."""
+        return 2 * self.radius + 1
+
+    @property
+    def grid(self) -> int:
+        """Rows and columns of the grid, a multiple of 8; poses see REACH cells beyond their square."""
+        return 2 * (self.radius + REACH + 1)
+
+    @property
+    def half(self) -> int:
+        """Row and column of the start on the grid."""
+        return self.grid // 2
+
+    @property
+    def inner(self) -> slice:
+        """Rows, and columns, of the square of poses on the grid."""
+        return slice(self.half - self.radius, self.half + self.radius + 1)
+
+    @staticmethod
+    def of_places(places: int) -> "Extent":
+        """The smallest extent that holds scenes from every start in them.
+
+        Args:
+            places: places along the longest side of the widest scene.
+
+        Returns:
+            The extent, not below the default.
+        """
+        return Extent(max(Extent().radius, -(-(places - 1) // STEP) * STEP))
+
+    @staticmethod
+    def of_side(side: int) -> "Extent":
+        """The extent of a square of poses.
+
+        Args:
+            side: its rows.
+        """
+        return Extent(side // 2)
+
+    @staticmethod
+    def of_grid(grid: int) -> "Extent":
+        """The extent of a grid.
+
+        Args:
+            grid: its rows.
+        """
+        return Extent(grid // 2 - REACH - 1)
+
 
 FORWARD = np.array([(0, 1), (1, 0), (0, -1), (-1, 0)], np.int32)
 """Step (x, z) of MoveAhead at each heading."""

@@ -4,10 +4,11 @@ For a walk with distinct views 1 … n and a target at pose g in the walk's fram
 
     −Σ_{k ∈ prefixes, g not among views 1 … k} log P(g | views 1 … k)  +  λ Σ_{places} BCE(p_free, place is free)
 
-averaged over walks, prefixes and targets: cross-entropy of the true pose, and of the places that can be stood on. The
-labels are the walks' own odometry.
+averaged over walks, prefixes and the targets in a walk's extent: cross-entropy of the true pose, and of the places that
+can be stood on. The labels are the walks' own odometry.
 """
 
+from functools import partial
 from typing import NamedTuple, cast
 
 import jax
@@ -17,7 +18,6 @@ import optax
 from jaxtyping import Array, Float32
 
 from relm_irl_jax.agents.map.augmentation import random_convolution
-from relm_irl_jax.agents.map.geometry import GRID, RADIUS, SIDE
 from relm_irl_jax.agents.map.memory import Odometry, free_logits, grid_rows, summarise, turned
 from relm_irl_jax.agents.map.network import RECORD, VIEW, MapNetwork, Projections
 from relm_irl_jax.agents.map.posterior import (
@@ -75,20 +75,21 @@ def prefix_memories(
         Sums of the records on the grid, and poses seen.
     """
     n_walks, steps = walks.pose.shape[:2]
-    lengths = prefix_lengths(steps)
+    lengths, extent = prefix_lengths(steps), walks.extent
+    radius, side, size = extent.radius, extent.side, extent.grid
     part = jnp.asarray(np.searchsorted(lengths, np.arange(1, steps + 1)))
 
     def draw(record, pose, valid):
-        rows = jax.vmap(grid_rows)(pose)
+        rows = jax.vmap(partial(grid_rows, extent=extent))(pose)
         values = jax.vmap(turned)(record, pose[:, 0]) * valid[:, None, None].astype(record.dtype)
-        grid = jnp.zeros((len(lengths), GRID * GRID, RECORD)).at[part[:, None], rows].add(values)
-        grid = jnp.cumsum(grid, 0).reshape(len(lengths), GRID, GRID, RECORD)
-        seen = jnp.zeros((len(lengths), 4, SIDE, SIDE), jnp.int32)
-        seen = seen.at[part, pose[:, 0], pose[:, 1] + RADIUS, pose[:, 2] + RADIUS].add(1)
+        grid = jnp.zeros((len(lengths), size * size, RECORD)).at[part[:, None], rows].add(values)
+        grid = jnp.cumsum(grid, 0).reshape(len(lengths), size, size, RECORD)
+        seen = jnp.zeros((len(lengths), 4, side, side), jnp.int32)
+        seen = seen.at[part, pose[:, 0], pose[:, 1] + radius, pose[:, 2] + radius].add(1)
         return grid, jnp.cumsum(seen, 0) > 0
 
     grid, seen = jax.vmap(draw)(record, walks.pose, walks.valid)
-    blocked = jnp.zeros((n_walks, len(lengths), SIDE, SIDE), bool)
+    blocked = jnp.zeros((n_walks, len(lengths), side, side), bool)
     return grid, Odometry(jnp.zeros((n_walks, len(lengths), 3), jnp.int32), seen, blocked)
 
 
@@ -129,24 +130,28 @@ def compute_loss(
     record = projections.record[:-n_targets].reshape(n_walks, steps, -1, RECORD)
     grid, odometry = prefix_memories(record, walks)
     seen, evidence = summarise(grid)
-    bins = jnp.asarray(distance_bins())
+    extent = walks.extent
+    bins = jnp.asarray(distance_bins(extent))
     prior: dict[str, Array] = dict(parameters["prior"])
     free = free_logits(evidence, prior["free"][bins], prior["scale"], odometry)
 
     score = all_scores(
-        memory_spectrum(seen.reshape(-1, *seen.shape[2:])), kernel_spectrum(projections.kernel[-n_targets:])
+        memory_spectrum(seen.reshape(-1, *seen.shape[2:])), kernel_spectrum(projections.kernel[-n_targets:], extent)
     )
-    score = score.reshape(n_walks, -1, n_targets, 4, SIDE, SIDE)
+    score = score.reshape(n_walks, -1, n_targets, *score.shape[2:])
     posterior = log_posterior(score, free[:, :, None], prior["pose"][bins], ~odometry.seen[:, :, None])
 
-    heading, z, x = (jnp.asarray(walks.target_pose)[..., i] + (RADIUS if i else 0) for i in range(3))
-    cell = ((heading * SIDE + z) * SIDE + x)[:, None, :, None]
+    place = jnp.asarray(walks.target_pose)[..., 1:]
+    near = (jnp.abs(place) <= extent.radius).all(-1)[:, None]
+    z, x = jnp.moveaxis(jnp.clip(place + extent.radius, 0, extent.side - 1), -1, 0)
+    cell = ((walks.target_pose[..., 0] * extent.side + z) * extent.side + x)[:, None, :, None]
     flat = posterior.reshape(*posterior.shape[:3], -1)
     met = jnp.take_along_axis(odometry.seen.reshape(*odometry.seen.shape[:2], 1, -1), cell, -1)[..., 0]
     right = jnp.take_along_axis(flat, cell, -1)[..., 0]
-    weight = (~met).astype(jnp.float32)
+    counted = near & ~met
+    weight = counted.astype(jnp.float32)
     total = jnp.maximum(weight.sum((0, 2)), 1)
-    pose = -(jnp.where(met, 0.0, right)).sum((0, 2)) / total
+    pose = -(jnp.where(counted, right, 0.0)).sum((0, 2)) / total
     top = jnp.where(right >= flat.max(-1), weight, 0.0).sum((0, 2)) / total
     entropy = optax.sigmoid_binary_cross_entropy(free, jnp.asarray(walks.free)[:, None].astype(jnp.float32))
     known = odometry.seen.any(-3)

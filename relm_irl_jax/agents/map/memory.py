@@ -25,7 +25,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Float32, Int, Int32
 
-from relm_irl_jax.agents.map.geometry import FORWARD, GRID, HALF, INNER, OFFSETS, RADIUS, SIDE
+from relm_irl_jax.agents.map.geometry import FORWARD, OFFSETS, Extent
 from relm_irl_jax.agents.map.network import CHANNELS, FIELDS, RECORD, SCALARS
 
 SURE = 9.0
@@ -61,19 +61,20 @@ class Odometry:
     blocked: Bool[Array, "*batch z x"]
 
 
-def start_odometry(batch: tuple[int, ...]) -> Odometry:
+def start_odometry(batch: tuple[int, ...], extent: Extent) -> Odometry:
     """The odometry before the first view.
 
     Args:
         batch: shape of the batch.
+        extent: how far the map reaches.
 
     Returns:
         It, at the start, with nothing seen.
     """
     return Odometry(
         pose=jnp.zeros((*batch, 3), jnp.int32),
-        seen=jnp.zeros((*batch, 4, SIDE, SIDE), bool),
-        blocked=jnp.zeros((*batch, SIDE, SIDE), bool),
+        seen=jnp.zeros((*batch, 4, extent.side, extent.side), bool),
+        blocked=jnp.zeros((*batch, extent.side, extent.side), bool),
     )
 
 
@@ -88,28 +89,30 @@ def move(odometry: Odometry, action: Int32[Array, ""], collided: Bool[Array, ""]
     Returns:
         Where it stands. A place outside the square of poses is clipped to its edge.
     """
+    radius = Extent.of_side(odometry.blocked.shape[-1]).radius
     heading, place = odometry.pose[0], odometry.pose[1:]
     sign = jnp.where(action == 0, 1, jnp.where(action == 3, -1, 0))
     step = sign * jnp.asarray(FORWARD[:, ::-1])[heading]
     turn = jnp.where(action == 1, 1, jnp.where(action == 2, -1, 0))
-    ahead = jnp.clip(place + step, -RADIUS, RADIUS)
+    ahead = jnp.clip(place + step, -radius, radius)
     hit = collided & (sign != 0)
-    z, x = ahead[0] + RADIUS, ahead[1] + RADIUS
+    z, x = ahead[0] + radius, ahead[1] + radius
     pose = jnp.concatenate([((heading + turn) % 4)[None], jnp.where(hit, place, ahead)])
     return Odometry(pose.astype(jnp.int32), odometry.seen, odometry.blocked.at[z, x].max(hit))
 
 
-def grid_rows(pose: Int[Array, "3"]) -> Int[Array, "cells"]:
+def grid_rows(pose: Int[Array, "3"], extent: Extent) -> Int[Array, "cells"]:
     """Number of the grid cell that each cell of a view region falls on.
 
     Args:
         pose: heading, z and x.
+        extent: how far the map reaches.
 
     Returns:
-        Row times `GRID` plus column, for each cell.
+        Row times the grid's columns plus column, for each cell.
     """
     offsets = jnp.asarray(OFFSETS)[pose[0]]
-    return (HALF + pose[1] + offsets[:, 1]) * GRID + HALF + pose[2] + offsets[:, 0]
+    return (extent.half + pose[1] + offsets[:, 1]) * extent.grid + extent.half + pose[2] + offsets[:, 0]
 
 
 def turned(record: Float[Array, "cells record"], heading: Int[Array, ""]) -> Float[Array, "cells record"]:
@@ -138,7 +141,8 @@ def add_view(
     Returns:
         The sums with the view.
     """
-    flat = grid.reshape(-1, grid.shape[-1]).at[grid_rows(pose)].add(turned(record, pose[0]))
+    rows = grid_rows(pose, Extent.of_grid(len(grid)))
+    flat = grid.reshape(-1, grid.shape[-1]).at[rows].add(turned(record, pose[0]))
     return flat.reshape(grid.shape)
 
 
@@ -178,6 +182,7 @@ def free_logits(
     Returns:
         The log odds on the square of poses.
     """
-    logits = bias + scale * evidence[..., INNER, INNER]
+    inner = Extent.of_grid(evidence.shape[-1]).inner
+    logits = bias + scale * evidence[..., inner, inner]
     logits = jnp.where(odometry.seen.any(-3), SURE, logits)
     return jnp.where(odometry.blocked, -SURE, logits)

@@ -29,8 +29,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float32, Int32
 
-from relm_irl_jax.agents.map.geometry import FORWARD, SIDE
-from relm_irl_jax.agents.map.sweeps import NEVER, TOLERANCE, discoveries, from_lines, least_costs, to_lines
+from relm_irl_jax.agents.map.geometry import FORWARD
+from relm_irl_jax.agents.map.sweeps import NEVER, TOLERANCE, discoveries, from_lines, least_costs, small_gain, to_lines
 
 
 class Plan(NamedTuple):
@@ -38,7 +38,7 @@ class Plan(NamedTuple):
 
     Attributes:
         action: the first action.
-        goal: number of the pose at the end of the path, (heading · SIDE + z) · SIDE + x.
+        goal: number of the pose at the end of the path, (heading · side + z) · side + x in a square of `side` rows.
         distance: d of every pose.
         value: U of every pose.
     """
@@ -77,13 +77,13 @@ def _first_action(
     cost: Float32[Array, "z x batch"],
 ) -> Int32[Array, "batch"]:
     """Follow the best path back from its end to its first action."""
-    lanes = jnp.arange(len(goal))
+    lanes, side = jnp.arange(len(goal)), len(cost)
     step = jnp.asarray(FORWARD)
-    heading, z, x = goal // SIDE**2, goal // SIDE % SIDE, goal % SIDE
+    heading, z, x = goal // side**2, goal // side % side, goal % side
 
     def at(values, h, z, x, fill):
-        inside = (z >= 0) & (z < SIDE) & (x >= 0) & (x < SIDE)
-        return jnp.where(inside, values[h, jnp.clip(z, 0, SIDE - 1), jnp.clip(x, 0, SIDE - 1), lanes], fill)
+        inside = (z >= 0) & (z < side) & (x >= 0) & (x < side)
+        return jnp.where(inside, values[h, jnp.clip(z, 0, side - 1), jnp.clip(x, 0, side - 1), lanes], fill)
 
     def back(carry):
         heading, z, x, action, _, count = carry
@@ -111,7 +111,7 @@ def _first_action(
 
     nothing = jnp.zeros_like(goal)
     carry = (heading, z, x, nothing, jnp.bool_(True), jnp.int32(0))
-    return jax.lax.while_loop(lambda carry: carry[4] & (carry[5] < 4 * SIDE), back, carry)[3]
+    return jax.lax.while_loop(lambda carry: carry[4] & (carry[5] < 4 * side**2), back, carry)[3]
 
 
 def plan(
@@ -138,7 +138,8 @@ def plan(
     )
     distance, value = from_lines(lines), from_lines(discoveries((along_z, along_x), lines, cost))
     # Of equally valuable poses, the nearest: the path's end adds nothing beyond its last likely pose.
-    worth = jnp.where((distance < NEVER) & (distance > 0), value - 1e-7 * distance, -1.0)
+    nearer = small_gain(value.max((0, 1, 2))) * distance
+    worth = jnp.where((distance < NEVER) & (distance > 0), value - nearer, -1.0)
     goal = worth.reshape(-1, worth.shape[-1]).argmax(0).astype(jnp.int32)
     stuck = worth.max((0, 1, 2)) < 0
     action = jnp.where(stuck, 1, _first_action(goal, value, distance, cost))

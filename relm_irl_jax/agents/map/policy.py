@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Array, Float, Float32, Int32, PRNGKeyArray
 
 from relm_irl_jax.agents.map.filled import FilledMaps
-from relm_irl_jax.agents.map.geometry import GRID, INNER, RADIUS
+from relm_irl_jax.agents.map.geometry import Extent
 from relm_irl_jax.agents.map.memory import (
     Odometry,
     add_view,
@@ -93,6 +93,11 @@ class MapPolicy:
     filled: FilledMaps | None = None
 
     @property
+    def extent(self) -> Extent:
+        """How far the map reaches."""
+        return Extent.of_side(self.prior.pose.shape[-1])
+
+    @property
     def deterministic(self) -> bool:
         """It draws nothing at random."""
         return True
@@ -106,7 +111,8 @@ class MapPolicy:
         Returns:
             The memory before the first view.
         """
-        grid, odometry = jnp.zeros((*shape, GRID, GRID, RECORD), self.record.dtype), start_odometry(shape)
+        size, odometry = self.extent.grid, start_odometry(shape, self.extent)
+        grid = jnp.zeros((*shape, size, size, RECORD), self.record.dtype)
         if self.filled is not None:
             grid = jnp.broadcast_to(self.filled.grid[:, None], grid.shape)
             blocked = jnp.broadcast_to(self.filled.blocked[:, None], odometry.blocked.shape)
@@ -157,7 +163,8 @@ class MapPolicy:
         shape, n = target.shape, target.size
         flat = jax.tree.map(lambda x: x.reshape(n, *x.shape[len(shape) :]), memory)
         posterior, free = locate(self, flat, target.reshape(n))
-        weight = flat.grid[:, INNER, INNER, -2].astype(jnp.float32)
+        inner = self.extent.inner
+        weight = flat.grid[:, inner, inner, -2].astype(jnp.float32)
         belief = Belief(flat.odometry.pose, posterior, free, weight / (1 + weight))
         return jax.tree.map(lambda x: x.reshape(*shape, *x.shape[1:]), belief)
 
@@ -174,13 +181,13 @@ def remember(policy: MapPolicy, memory: Memory, observation: Observation) -> Mem
         The memory with the view.
     """
 
-    filled = policy.filled
+    filled, radius = policy.filled, policy.extent.radius
 
     def one(grid, odometry, action, view, collided, steps):
         odometry = move(odometry, action, collided)
         if filled is not None:
             odometry = replace(odometry, pose=jnp.where(steps == 0, filled.pose[view], odometry.pose))
-        heading, z, x = odometry.pose[0], odometry.pose[1] + RADIUS, odometry.pose[2] + RADIUS
+        heading, z, x = odometry.pose[0], odometry.pose[1] + radius, odometry.pose[2] + radius
         if filled is None:
             new = ~odometry.seen[heading, z, x]
             grid = add_view(grid, policy.record[view] * new.astype(grid.dtype), odometry.pose)
@@ -245,6 +252,7 @@ def map_policy(
     projections: Projections,
     target_views: np.ndarray,
     search: SearchSettings,
+    extent: Extent,
     filled: FilledMaps | None = None,
 ) -> MapPolicy:
     """Prepare the policy for a world.
@@ -254,13 +262,14 @@ def map_policy(
         projections: what the network says about each view of the world.
         target_views: row of each target's view.
         search: how to search.
+        extent: how far the map reaches.
         filled: maps with which memory begins; None for empty memory.
 
     Returns:
         The policy.
     """
-    kernel = jax.jit(search_kernel)(projections.kernel[jnp.asarray(target_views)])
-    prior = place_prior(parameters)
+    kernel = jax.jit(search_kernel, static_argnames="extent")(projections.kernel[jnp.asarray(target_views)], extent)
+    prior = place_prior(parameters, extent)
     if filled is not None:  # the learned profile is one of distances from the start, which is not the map's origin here
         prior = replace(prior, pose=jnp.zeros_like(prior.pose))
     return MapPolicy(projections.record, kernel, prior, search, filled)

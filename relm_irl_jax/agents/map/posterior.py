@@ -12,9 +12,10 @@ with R_h turning the view region by h right angles. The score stands for a sum o
 where π is a learned profile over the distance from the start. A policy may divide s by a temperature: neighbouring
 cells do not err independently, and what a search has left over is what the score was wrong about.
 
-*Correlation by Fourier transforms.* With period N = GRID no pose within RADIUS wraps around, and the spectrum of s is
-conj(k̂) m̂. Transforms are products with matrices of cosines and sines: at N = 56 they are faster than an FFT on CPUs
-and accelerators, only the 33 × 33 poses of interest are transformed back, and their gradient is another product.
+*Correlation by Fourier transforms.* With period N, the rows of the grid, no pose of the square wraps around, and the
+spectrum of s is conj(k̂) m̂. Transforms are products with matrices of cosines and sines: at the N = 56 of rooms they are
+faster than an FFT on CPUs and accelerators, only the 33 × 33 poses of interest are transformed back, and their gradient
+is another product.
 
 Sources: Henriques and Vedaldi (2018), localisation by correlation; Stone, "Theory of optimal search" (1975), for the
 posterior over places after unsuccessful search.
@@ -23,26 +24,24 @@ posterior over places after unsuccessful search.
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Float32
+from jaxtyping import Array, Bool, Float, Float32, Int32
 
-from relm_irl_jax.agents.map.geometry import GRID, HALF, RADIUS, REACH, SIDE, SPAN, VIEW_CELLS
+from relm_irl_jax.agents.map.geometry import REACH, SPAN, VIEW_CELLS, Extent
 from relm_irl_jax.agents.map.network import turn_features
-
-FREQUENCIES = GRID // 2 + 1
-"""Frequencies along x; the others are their conjugates."""
 
 EXCLUDED = -1e9
 """Log probability of a pose that cannot be the target's."""
 
-_ANGLE = 2 * np.pi / GRID
-_PLACES = np.arange(GRID) - HALF
-_POSES = np.arange(-RADIUS, RADIUS + 1)
+N_BINS = 24
+"""Number of bins of the profiles over the distance from the start, one for each distance in a room's extent. What lies
+farther is in the last one, so that the same weights serve every extent."""
+
 _KERNEL = np.arange(-REACH, REACH + 1)
 
 
-def _waves(places: np.ndarray, frequencies: int) -> Float32[np.ndarray, "place frequency 2"]:
+def _waves(places: np.ndarray, frequencies: int, period: int) -> Float32[np.ndarray, "place frequency 2"]:
     """Cosines and sines of each place and frequency."""
-    phase = _ANGLE * np.outer(places, np.arange(frequencies))
+    phase = 2 * np.pi / period * np.outer(places, np.arange(frequencies))
     return np.stack([np.cos(phase), np.sin(phase)], -1).astype(np.float32)
 
 
@@ -57,26 +56,34 @@ Spectrum = Float32[Array, "2 frequency frequency_x ..."]
 step of a transform is one product of large matrices, and what it moves about lies in one piece."""
 
 
+def _frequencies(period: int) -> int:
+    """Frequencies along x; the others are their conjugates."""
+    return period // 2 + 1
+
+
 def _transform(
-    image: Float[Array, "z x *items"], places: np.ndarray
+    image: Float[Array, "z x *items"], places: np.ndarray, period: int
 ) -> Float32[Array, "2 frequency frequency_x *items"]:
     """Transform images whose rows and columns lie at the given places."""
     flat = image.reshape(*image.shape[:2], -1)
-    along_x = jnp.asarray(_waves(places, FREQUENCIES) * np.array([1, -1], np.float32))
+    along_x = jnp.asarray(_waves(places, _frequencies(period), period) * np.array([1, -1], np.float32))
     rows = jnp.einsum("xfr,zxn->frzn", along_x, flat)
-    spectrum = jnp.einsum("rzsg,frzn->sgfn", jnp.asarray(_rotation(_waves(places, GRID), -1)), rows)
+    spectrum = jnp.einsum("rzsg,frzn->sgfn", jnp.asarray(_rotation(_waves(places, period, period), -1)), rows)
     return spectrum.reshape(*spectrum.shape[:3], *image.shape[2:])
 
 
 def _back(spectrum: Float32[Array, "2 frequency frequency_x *items"]) -> Float32[Array, "z x *items"]:
     """Transform a product of spectra back, at the poses of interest."""
-    flat = spectrum.reshape(*spectrum.shape[:3], -1)
-    rows = jnp.einsum("szrg,rgfn->szfn", jnp.asarray(_rotation(_waves(_POSES, GRID), 1).transpose(2, 1, 0, 3)), flat)
-    twice = np.full(FREQUENCIES, 2.0)
+    flat, period = spectrum.reshape(*spectrum.shape[:3], -1), spectrum.shape[1]
+    extent = Extent.of_grid(period)
+    poses = np.arange(extent.side) - extent.radius
+    along_z = _rotation(_waves(poses, period, period), 1).transpose(2, 1, 0, 3)
+    rows = jnp.einsum("szrg,rgfn->szfn", jnp.asarray(along_z), flat)
+    twice = np.full(_frequencies(period), 2.0)
     twice[[0, -1]] = 1.0
-    along_x = _waves(_POSES, FREQUENCIES) * np.array([1, -1]) * twice[:, None] / GRID**2
+    along_x = _waves(poses, _frequencies(period), period) * np.array([1, -1]) * twice[:, None] / period**2
     image = jnp.einsum("xfs,szfn->xzn", jnp.asarray(along_x.astype(np.float32)), rows)
-    return image.swapaxes(0, 1).reshape(SIDE, SIDE, *spectrum.shape[3:])
+    return image.swapaxes(0, 1).reshape(extent.side, extent.side, *spectrum.shape[3:])
 
 
 def memory_spectrum(seen: Float[Array, "*items grid grid kernel"]) -> Spectrum:
@@ -88,7 +95,8 @@ def memory_spectrum(seen: Float[Array, "*items grid grid kernel"]) -> Spectrum:
     Returns:
         m̂.
     """
-    return _transform(jnp.moveaxis(seen, (-3, -2), (0, 1)), _PLACES)
+    grid = seen.shape[-2]
+    return _transform(jnp.moveaxis(seen, (-3, -2), (0, 1)), np.arange(grid) - Extent.of_grid(grid).half, grid)
 
 
 def kernel_squares(kernel: Float[Array, "targets cells kernel"]) -> Float[Array, "targets 4 span span kernel"]:
@@ -106,16 +114,17 @@ def kernel_squares(kernel: Float[Array, "targets cells kernel"]) -> Float[Array,
     return jnp.stack([turn_features(jnp.rot90(square, -h, (2, 1)), h) for h in range(4)], 1)
 
 
-def kernel_spectrum(kernel: Float[Array, "targets cells kernel"]) -> Spectrum:
+def kernel_spectrum(kernel: Float[Array, "targets cells kernel"], extent: Extent) -> Spectrum:
     """Transform targets' kernels at the four headings.
 
     Args:
         kernel: the kernels' projections.
+        extent: how far the map reaches.
 
     Returns:
         k̂, its items [targets, 4].
     """
-    return _transform(jnp.moveaxis(kernel_squares(kernel), (2, 3), (0, 1)), _KERNEL)
+    return _transform(jnp.moveaxis(kernel_squares(kernel), (2, 3), (0, 1)), _KERNEL, extent.grid)
 
 
 def _conjugates(memory: Spectrum) -> Float32[Array, "2 2 frequency frequency_x ..."]:
@@ -142,17 +151,18 @@ SearchKernel = Float32[Array, "*targets channel 4 2 frequencies"]
 """Fourier transform of targets' kernels for `scores`: channel, heading, real and imaginary part, frequency."""
 
 
-def search_kernel(kernel: Float[Array, "targets cells kernel"]) -> SearchKernel:
+def search_kernel(kernel: Float[Array, "targets cells kernel"], extent: Extent) -> SearchKernel:
     """Transform targets' kernels for acting.
 
     Args:
         kernel: the kernels' projections.
+        extent: how far the map reaches.
 
     Returns:
         k̂, one row a target.
     """
     squares = jnp.moveaxis(kernel_squares(kernel), -1, 1)
-    spectrum = jnp.fft.rfft2(squares, (GRID, GRID)).reshape(*squares.shape[:3], -1)
+    spectrum = jnp.fft.rfft2(squares, (extent.grid, extent.grid)).reshape(*squares.shape[:3], -1)
     return jnp.stack([spectrum.real, spectrum.imag], -2)
 
 
@@ -171,29 +181,30 @@ def scores(
     Returns:
         s at every pose.
     """
+    extent = Extent.of_grid(len(seen))
     memory = jnp.fft.rfft2(jnp.moveaxis(seen, -1, 0)).reshape(seen.shape[-1], -1)
     real, imaginary = jnp.float32(0), jnp.float32(0)
     for a, b, target in zip(memory.real, memory.imag, kernel, strict=True):
         c, d = target[:, 0], target[:, 1]
         real, imaginary = real + a * c + b * d, imaginary + b * c - a * d
-    product = jax.lax.complex(real, imaginary).reshape(4, GRID, FREQUENCIES)
-    score = jnp.fft.irfft2(product, (GRID, GRID))
+    product = jax.lax.complex(real, imaginary).reshape(4, extent.grid, -1)
+    score = jnp.fft.irfft2(product, (extent.grid, extent.grid))
     # The kernel's first row lies REACH cells before the agent.
-    inner = slice(HALF - RADIUS - REACH, HALF + RADIUS + 1 - REACH)
+    inner = slice(extent.inner.start - REACH, extent.inner.stop - REACH)
     return score[:, inner, inner]
 
 
-def distance_bins() -> np.ndarray:
-    """Distance of each place from the start, in whole cells.
+def distance_bins(extent: Extent) -> Int32[np.ndarray, "z x"]:
+    """Distance of each place from the start, in whole cells, at most that of the last bin.
+
+    Args:
+        extent: how far the map reaches.
 
     Returns:
         Bin [z, x].
     """
-    return np.rint(np.hypot(_POSES[:, None], _POSES[None])).astype(np.int32)
-
-
-N_BINS = int(distance_bins().max()) + 1
-"""Number of bins of the profiles over the distance from the start."""
+    poses = np.arange(extent.side) - extent.radius
+    return np.minimum(np.rint(np.hypot(poses[:, None], poses[None])), N_BINS - 1).astype(np.int32)
 
 
 def log_posterior(
@@ -215,5 +226,5 @@ def log_posterior(
     """
     logits = score + (jax.nn.log_sigmoid(free) + profile)[..., None, :, :]
     logits = jnp.where(possible, logits, EXCLUDED)
-    flat = logits.reshape(*logits.shape[:-3], 4 * SIDE * SIDE)
+    flat = logits.reshape(*logits.shape[:-3], -1)
     return jax.nn.log_softmax(flat, -1).reshape(logits.shape)

@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float32
 
+from relm_irl_jax.agents.map.geometry import Extent
 from relm_irl_jax.agents.map.posterior import distance_bins
 from relm_irl_jax.types import Parameters
 
@@ -26,15 +27,16 @@ class Prior:
     scale: Float32[Array, ""]
 
 
-def place_prior(parameters: Parameters) -> Prior:
+def place_prior(parameters: Parameters, extent: Extent) -> Prior:
     """Lay the learned profiles on the square of poses.
 
     Args:
         parameters: the agent's parameters.
+        extent: how far the map reaches.
 
     Returns:
         The prior.
     """
-    bins = jnp.asarray(distance_bins())
+    bins = jnp.asarray(distance_bins(extent))
     prior = parameters["prior"]
     return Prior(jnp.asarray(prior["free"])[bins], jnp.asarray(prior["pose"])[bins], jnp.asarray(prior["scale"]))

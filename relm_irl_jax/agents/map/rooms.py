@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Int, Int32, UInt8
 
-from relm_irl_jax.agents.map.geometry import FORWARD, RADIUS
-from relm_irl_jax.errors import InputError
+from relm_irl_jax.agents.map.geometry import FORWARD, Extent
 from relm_irl_jax.scenes.objects import best_views
 from relm_irl_jax.scenes.scene import COLLISION, Scene, grid_poses, shortest_path_distances, successors
+from relm_irl_jax.world import World
 
 
 @dataclass(frozen=True)
@@ -45,13 +45,11 @@ def to_room(scene: Scene) -> Room:
         The room.
 
     Raises:
-        InputError: the scene has no views, or is too large.
+        InputError: the scene has no views.
     """
-    pose = grid_poses(scene)
-    _check_extent(scene.name, pose[:, 1:])
     return Room(
         views=scene.views,
-        pose=pose,
+        pose=grid_poses(scene),
         successor=successors(scene.graph),
         distance=scene.shortest_path_distance,
         best=np.array(sorted(set(best_views(scene).values())), np.int32),
@@ -60,22 +58,19 @@ def to_room(scene: Scene) -> Room:
 
 
 def count_poses(
-    successor: Int[np.ndarray, "states 4"], name: str
+    successor: Int[np.ndarray, "states 4"], first: int = 0
 ) -> tuple[Int[np.ndarray, "kept"], Int32[np.ndarray, "kept 3"]]:
-    """Count poses along the moves of a scene, from its first state on: odometry of a walk through all of it.
+    """Count poses along the moves of a scene: odometry of a walk through all of it.
 
     Args:
         successor: next state for each action; a collision leads back.
-        name: the scene's name, for messages.
+        first: state where the walk begins, which has the pose (0, 0, 0).
 
     Returns:
         The states that the first one can reach, ascending, and their poses: heading, z and x.
-
-    Raises:
-        InputError: the scene is too large.
     """
-    pose = {0: (0, 0, 0)}
-    queue = [0]
+    pose = {first: (0, 0, 0)}
+    queue = [first]
     for state in queue:
         heading, z, x = pose[state]
         dx, dz = FORWARD[heading].tolist()
@@ -90,16 +85,38 @@ def count_poses(
                 pose[following] = arrival
                 queue.append(following)
     kept = np.array(sorted(pose))
-    poses = np.array([pose[state] for state in kept.tolist()], np.int32)
-    _check_extent(name, poses[:, 1:])
-    return kept, poses
+    return kept, np.array([pose[state] for state in kept.tolist()], np.int32)
 
 
-def _check_extent(name: str, cells: Int[np.ndarray, "states 2"]) -> None:
-    """Refuse a scene that does not fit into the square of poses from every start."""
-    extent = np.ptp(cells, axis=0).max()
-    if extent > RADIUS:
-        raise InputError(f"{name}: {extent + 1} places along one side; the mapping agent's map holds {RADIUS + 1}.")
+def places_along_side(successor: Int[np.ndarray, "states 4"]) -> int:
+    """Places along the longer side of a scene.
+
+    Args:
+        successor: next state for each action; a collision leads back.
+
+    Returns:
+        Their number; where parts of the scene cannot reach each other, that of the widest part.
+    """
+    left, places = set(range(len(successor))), 1
+    while left:
+        kept, pose = count_poses(successor, min(left))
+        places = max(places, int(np.ptp(pose[:, 1:], axis=0).max()) + 1)
+        left -= set(kept.tolist())
+    return places
+
+
+def world_extent(world: World) -> Extent:
+    """The extent that holds every scene of a world from every start.
+
+    Args:
+        world: the scenes.
+
+    Returns:
+        It.
+    """
+    scene, successor = np.asarray(world.scene), np.asarray(world.successor)
+    states = [np.flatnonzero(scene == number) for number in range(world.n_scenes)]
+    return Extent.of_places(max(places_along_side(successor[part] - part[0]) for part in states))
 
 
 def room_from_graph(
@@ -107,7 +124,6 @@ def room_from_graph(
     successor: Int[np.ndarray, "states 4"],
     best: Int[np.ndarray, "best"],
     targets: Int[np.ndarray, "targets"],
-    name: str = "scene",
 ) -> Room:
     """A room whose poses are counted along its moves.
 
@@ -116,15 +132,11 @@ def room_from_graph(
         successor: next state for each action; a collision leads back.
         best: states that are preferred as targets.
         targets: states that may be targets.
-        name: the scene's name, for messages.
 
     Returns:
         The room. States that the first one cannot reach are left out.
-
-    Raises:
-        InputError: the room is too large.
     """
-    kept, pose = count_poses(successor, name)
+    kept, pose = count_poses(successor)
     number = np.full(len(successor), -1)
     number[kept] = np.arange(len(kept))
     graph = np.where(successor == np.arange(len(successor))[:, None], COLLISION, number[successor])[kept].astype(

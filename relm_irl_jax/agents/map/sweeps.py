@@ -4,7 +4,7 @@ A pose of heading 0 or 2 moves along z, one of heading 1 or 3 along x; in both d
 back. So each of them lies on a *line* of poses of its heading, which it leaves by turning only. What a line's poses
 cost, given what it costs to turn into each of them, takes one sweep forwards and one backwards:
 
-    d(p) ← min(d(p), d(p − 1) + c(p))  for p = 0 … 32,    then    d(p) ← min(d(p), d(p + 1) + c(p))  for p = 32 … 0
+    d(p) ← min(d(p), d(p − 1) + c(p))  for p = 0 … n,    then    d(p) ← min(d(p), d(p + 1) + c(p))  for p = n … 0
 
 Sweeping the lines along z and along x in turn, each after the turns from the other, is Bellman–Ford with the updates in
 an order (Gauss–Seidel) that needs as many rounds as the longest of all shortest paths has turns, instead of as many as
@@ -20,7 +20,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float32, Int32
 
-from relm_irl_jax.agents.map.geometry import RADIUS
+from relm_irl_jax.agents.map.geometry import Extent
 
 NEVER = 1e6
 """Cost of what cannot be reached."""
@@ -85,8 +85,9 @@ def least_costs(cost: Float32[Array, "z x batch"], pose: Int32[Array, "3 batch"]
     Returns:
         d; `NEVER` or more where there is no way.
     """
+    radius = Extent.of_side(len(cost)).radius
     start = jnp.full((4, *cost.shape), NEVER)
-    start = start.at[pose[0], pose[1] + RADIUS, pose[2] + RADIUS, jnp.arange(cost.shape[-1])].set(0.0)
+    start = start.at[pose[0], pose[1] + radius, pose[2] + radius, jnp.arange(cost.shape[-1])].set(0.0)
     cost_z, cost_x = costs_of_lines(cost)
 
     def relax(carry):
@@ -144,6 +145,18 @@ def _parents(distance: Lines, others: Lines, cost: LineCosts) -> _Parents:
     return _Parents(last, following, (one, other))
 
 
+def small_gain(largest: Float32[Array, "batch"]) -> Float32[Array, "batch"]:
+    """A gain that makes no difference: 1e-7, or less where all that may be gained is discounted by a long way.
+
+    Args:
+        largest: the largest gain.
+
+    Returns:
+        It.
+    """
+    return jnp.minimum(1e-7, 1e-3 * largest)
+
+
 def discoveries(gain: Along, distance: Along, cost: Float32[Array, "z x batch"]) -> Along:
     """The largest sum of gains along a shortest path to every pose.
 
@@ -159,12 +172,13 @@ def discoveries(gain: Along, distance: Along, cost: Float32[Array, "z x batch"])
     """
     cost_z, cost_x = costs_of_lines(cost)
     parents_z, parents_x = _parents(*distance, cost_z), _parents(*distance[::-1], cost_x)
+    small = small_gain(jnp.maximum(*(lines.max((0, 1, 2)) for lines in gain)))
 
     def extend(carry):
         _, before, _ = carry
         along_z = _collect(gain[0], before, parents_z)
         along_x = _collect(gain[1], along_z, parents_x)
-        return along_z, along_x, (along_x > before * (1 + 1e-4) + 1e-7).any()
+        return along_z, along_x, (along_x > before * (1 + 1e-4) + small).any()
 
     _, along_x, _ = jax.lax.while_loop(lambda carry: carry[2], extend, (*gain, jnp.bool_(True)))
     return _collect(gain[0], along_x, parents_z), along_x

@@ -14,6 +14,12 @@ The number of steps of the path of minimum cost is
 
 The learned distance can represent either. The reward selects the path in both cases. An embedding represents steps
 better, since a cost that depends on the goal differs between the two directions of a path.
+
+Where the reward alone says where a goal is (`relm_irl_jax.rewards.goals`), a path may stop in any state that pays, and
+
+    C(s, g) = min( stop_g(s), 1 + min_a C(s'_a, g) )
+
+counts steps already, so that N is C.
 """
 
 from dataclasses import dataclass
@@ -60,7 +66,10 @@ class CostsToGo:
 
 
 def minimum_costs_to_goals(
-    successor: Int32[Array, "locals 4"], goal: Int32[Array, "goals"], step_cost: Float32[Array, "goals locals"]
+    successor: Int32[Array, "locals 4"],
+    goal: Int32[Array, "goals"],
+    step_cost: Float32[Array, "goals locals"],
+    stop: Float32[Array, "goals locals"] | None = None,
 ) -> Float32[Array, "locals goals"]:
     """Minimum cost from every state to every goal.
 
@@ -68,10 +77,13 @@ def minimum_costs_to_goals(
         successor: local state that each action led to, or `UNTRIED`.
         goal: the goals.
         step_cost: cost of leaving each state for each goal, positive.
+        stop: cost of stopping in each state; None for 0 at the goal and nowhere else.
 
     Returns:
         C(s, g); infinite where the graph has no path.
     """
+    if stop is not None:
+        return minimum_costs(successor, stop.T, step_cost.T)
     ends = jnp.arange(step_cost.shape[1])[:, None] == goal
     return minimum_costs(successor, jnp.where(ends, 0.0, jnp.inf), step_cost.T)
 
@@ -139,8 +151,9 @@ def compute_costs_to_go(
     valid = jnp.arange(scenes.state.shape[1]) < scenes.count[:, None]
     next_state = graph.successor[scenes.state]
     successor = jnp.where((next_state != UNTRIED) & valid[..., None], world.local[next_state], UNTRIED)
-    cost = jax.lax.map(lambda row: minimum_costs_to_goals(*row), (successor, goals.state, goals.cost))
-    if counts == "costs":
+    rows = (successor, goals.state, goals.cost, goals.stop)
+    cost = jax.lax.map(lambda row: minimum_costs_to_goals(*row), rows)
+    if counts == "costs" or goals.stop is not None:
         return CostsToGo(successor, cost, cost)
     return CostsToGo(
         successor, cost, jax.lax.map(lambda row: steps_of_best_paths(*row), (successor, goals.state, cost))

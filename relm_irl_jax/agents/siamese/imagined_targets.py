@@ -7,6 +7,7 @@ as many workers walk in little more time.
 """
 
 from dataclasses import dataclass, field
+from itertools import groupby
 
 import jax
 import jax.numpy as jnp
@@ -152,11 +153,16 @@ def evaluate_drawn(
     tables = network.apply(parameters, world.features, in_world.reshape(-1), every_state=True, method="tables")
     assert isinstance(tables, Tables)
     assert tables.fusion is not None
-    outputs = []
-    first = 0
-    for number, (size, head) in enumerate(zip(pairs.sizes, pairs.heads, strict=True)):
-        of_targets = tables.target[number * pairs.at_once : (number + 1) * pairs.at_once]
-        of_states = tables.fusion[first : first + size]
-        outputs.append(network.apply(parameters, of_states, of_targets, head, method="every_pair"))
-        first += size
+    of_targets = tables.target.reshape(len(pairs.sizes), -1)
+    outputs, first = [], 0
+    for head, group in groupby(range(len(pairs.sizes)), key=pairs.heads.__getitem__):
+        scenes = list(group)
+        sizes = [pairs.sizes[number] for number in scenes]
+        # A product with zeros and ones repeats the targets of a scene for its states; its gradient is a product, too,
+        # while that of a look-up is added row by row.
+        own = np.repeat(np.eye(len(scenes), dtype=np.float32), sizes, axis=0)
+        of_states = tables.fusion[first : first + sum(sizes)]
+        repeated = (own @ of_targets[scenes[0] : scenes[-1] + 1]).reshape(len(own), pairs.at_once, -1)
+        outputs.append(network.apply(parameters, of_states, repeated, head, method="every_pair"))
+        first += sum(sizes)
     return jax.tree.map(lambda *parts: jnp.concatenate(parts), *outputs)

@@ -226,14 +226,14 @@ class SiameseActorCritic(nn.Module):
         return self._outputs(nn.relu(fusion), head)
 
     def every_pair(
-        self, state_part: Float32[Array, "states width"], target_part: Float32[Array, "targets width"], head: int
+        self, state_part: Float32[Array, "states width"], target_part: Float32[Array, "states targets width"], head: int
     ) -> Outputs:
-        """Policy and value of every pair of a state and a target of one scene.
+        """Policy and value of every state with each of its targets.
 
         Args:
             state_part: rows of `Tables.fusion`.
-            target_part: rows of `Tables.target`.
-            head: head of the scene. Static.
+            target_part: rows of `Tables.target` for each state.
+            head: head of the states' scenes. Static.
 
         Returns:
             Action logits and values; the pairs of a state are consecutive.

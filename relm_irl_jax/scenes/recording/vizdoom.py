@@ -79,7 +79,7 @@ def vizdoom_map(name: str, settings: VizdoomSettings) -> Iterator[SimulatorScene
             poses = _find_poses(player, name, settings)
             source = (
                 f"vizdoom/{vizdoom.__version__} {wad.name} {name} from {settings.start}, "
-                f"{units} units a step, {size} pixels"
+                f"{units} units a step, {size} pixels, no messages"
             )
             yield SimulatorScene(name.lower(), settings.room_type, source, poses, player.move, player.view)
         finally:

@@ -102,7 +102,7 @@ def start_engine(vizdoom: ModuleType, map_name: str, wad: Path, resolution: tupl
     game.set_available_buttons([button.MOVE_FORWARD_BACKWARD_DELTA, button.TURN_LEFT_RIGHT_DELTA])
     game.set_mode(vizdoom.Mode.PLAYER)
     game.set_episode_timeout(0)
-    game.add_game_args("-nomonsters +sv_cheats 1")
+    game.add_game_args("-nomonsters +sv_cheats 1 +cl_showsecretmessage 0")
     with chdir(folder):  # the engine creates a folder in the working directory
         game.init()
     return game

@@ -1,6 +1,18 @@
 import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
 
-from relm_irl_jax.agents.map.geometry import FORWARD, N_CELLS, OFFSETS, REACH, RIGHT, VIEW_CELLS, projection_weights
+from relm_irl_jax.agents.map.geometry import (
+    FORWARD,
+    N_CELLS,
+    OFFSETS,
+    REACH,
+    RIGHT,
+    VIEW_CELLS,
+    Extent,
+    projection_weights,
+)
+from relm_irl_jax.agents.map.posterior import N_BINS, distance_bins
 
 
 def test_right_of_each_heading_is_the_next_heading():
@@ -40,3 +52,26 @@ def test_projection_weights_are_the_visible_share_of_each_cell():
 def test_middle_columns_see_the_corridor_ahead():
     # At depth 4 the cell ahead spans the tangents ±1/8: of 8 columns of width 1/4, half of each middle one.
     np.testing.assert_allclose(projection_weights(4, 8)[4], [0, 0, 0, 0.5, 0.5, 0, 0, 0], atol=1e-6)
+
+
+def test_the_extent_of_built_in_rooms_is_that_of_the_weights():
+    room = Extent.of_places(17)
+    assert (room, room.radius, room.side, room.grid, room.half) == (Extent(), 16, 33, 56, 28)
+    assert distance_bins(room).max() == N_BINS - 1
+    assert Extent.of_places(18) == Extent(24)
+
+
+@given(st.integers(1, 400))
+def test_an_extent_holds_its_scenes_from_every_start_and_all_that_is_seen(places):
+    extent = Extent.of_places(places)
+    assert places - 1 <= extent.radius < max(places - 1, 16) + 8
+    assert extent.half - extent.radius - REACH >= 0
+    assert extent.half + extent.radius + REACH < extent.grid
+    assert extent.grid % 8 == 0
+    assert Extent.of_side(extent.side) == Extent.of_grid(extent.grid) == extent
+
+
+def test_what_lies_farther_than_in_a_room_is_in_the_last_bin():
+    room, wide = distance_bins(Extent()), distance_bins(Extent(32))
+    np.testing.assert_array_equal(wide[16:-16, 16:-16], room)
+    assert wide[32, -1] == wide[0, 0] == N_BINS - 1

@@ -2,17 +2,19 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from relm_irl_jax.agents.map.geometry import GRID, HALF, N_CELLS, RADIUS, VIEW_CELLS
+from relm_irl_jax.agents.map.geometry import N_CELLS, VIEW_CELLS, Extent
 from relm_irl_jax.agents.map.memory import SURE, free_logits, grid_rows, move, start_odometry, summarise, turned
 from relm_irl_jax.agents.map.network import CHANNELS, RECORD, SCALARS, turn_features
 from relm_irl_jax.agents.map.walks import relative_pose
 from relm_irl_jax.scenes.scene import pose_graph, successors
 
 AHEAD, RIGHT, LEFT, BACK = range(4)
+ROOM = Extent()
+GRID, HALF, RADIUS = ROOM.grid, ROOM.half, ROOM.radius
 
 
 def walked(*actions: tuple[int, bool]):
-    odometry = start_odometry(())
+    odometry = start_odometry((), ROOM)
     for action, collided in actions:
         odometry = move(odometry, jnp.int32(action), jnp.bool_(collided))
     return odometry
@@ -41,7 +43,7 @@ def test_odometry_follows_a_scene_in_any_frame():
     pose = np.stack([rotation / 90, location[:, 1] / 0.5, location[:, 0] / 0.5], 1).astype(np.int32)
     generator = np.random.default_rng(0)
     for start in generator.integers(len(graph), size=4):
-        state, odometry = int(start), start_odometry(())
+        state, odometry = int(start), start_odometry((), ROOM)
         frame = relative_pose(pose, pose[start])
         for action in generator.integers(4, size=15):
             after = int(following[state, action])
@@ -52,7 +54,7 @@ def test_odometry_follows_a_scene_in_any_frame():
 
 def test_view_region_falls_on_the_cells_in_front():
     cell = int(np.flatnonzero((VIEW_CELLS == (2, 5)).all(1))[0])
-    row, column = divmod(int(grid_rows(jnp.array([1, 3, -2]))[cell]), GRID)  # facing +x at z = 3, x = −2
+    row, column = divmod(int(grid_rows(jnp.array([1, 3, -2]), ROOM)[cell]), GRID)  # facing +x at z = 3, x = −2
     assert (row - HALF, column - HALF) == (3 - 2, -2 + 5)
 
 

@@ -5,13 +5,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from relm_irl_jax.agents.map.geometry import FORWARD, RADIUS, SIDE
+from relm_irl_jax.agents.map.geometry import FORWARD, Extent
 from relm_irl_jax.agents.map.planner import place_costs, plan
 from relm_irl_jax.agents.map.sweeps import NEVER, from_lines, least_costs, to_lines
 from relm_irl_jax.agents.map.walks import relative_pose
 from relm_irl_jax.scenes.scene import pose_graph, shortest_path_distances, successors
 
 AHEAD, RIGHT, LEFT, BACK = range(4)
+RADIUS, SIDE = Extent().radius, Extent().side
 PLACES = [(x, z) for x in range(6) for z in range(5) if (x, z) not in {(2, 1), (2, 2), (2, 3), (4, 0)}]
 
 
@@ -132,3 +133,16 @@ def test_costs_of_places():
     stood = jnp.array([[[False], [False], [True], [True]]])
     blocked = jnp.array([[[False], [False], [False], [True]]])
     np.testing.assert_allclose(place_costs(free, stood, blocked, jnp.float32(1.5))[0, :, 0], (1, 4, 1, NEVER))
+
+
+def test_a_path_of_many_turns_is_followed_from_its_beginning():
+    """Corridors that run to and fro across the whole square: 576 steps, more than four times its side."""
+    cost = np.full((SIDE, SIDE, 1), NEVER, np.float32)
+    cost[::2] = 1
+    cost[1::4, -1] = cost[3::4, 0] = 1
+    posterior = jnp.zeros((4, SIDE, SIDE, 1)).at[1, 0, 0, 0].set(1.0)
+    start = jnp.array([[0], [RADIUS], [RADIUS]], jnp.int32)
+    chosen = jitted(posterior, jnp.asarray(cost), start, DISCOUNT)
+    assert int(chosen.goal[0]) == SIDE**2
+    assert chosen.action[0] in (RIGHT, LEFT)  # the corridor of the start runs along x
+    np.testing.assert_allclose(chosen.distance[1, 0, 0, 0], 17 * 32 + 16 * 2 + 1 + 2 * 16)

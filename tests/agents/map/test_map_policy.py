@@ -9,19 +9,24 @@ import pytest
 from builders import grid_scene
 
 from relm_irl_jax.agents.map.agent import MapAgent, world_rooms, world_views
-from relm_irl_jax.agents.map.geometry import RADIUS
+from relm_irl_jax.agents.map.augmentation import gamma_corrected
+from relm_irl_jax.agents.map.geometry import Extent
 from relm_irl_jax.agents.map.loss import initial_parameters
 from relm_irl_jax.agents.map.memory import move, start_odometry
-from relm_irl_jax.agents.map.network import VIEW, MapNetwork
+from relm_irl_jax.agents.map.network import VIEW, MapNetwork, look
+from relm_irl_jax.agents.map.policy import map_policy
+from relm_irl_jax.agents.map.variants import explorer
+from relm_irl_jax.agents.map.walks import relative_pose
 from relm_irl_jax.agents.settings import MapSettings
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.rewards.functions import ManualReward
 from relm_irl_jax.rewards.goals import Goals
-from relm_irl_jax.scenes.scene import pose_graph, successors
+from relm_irl_jax.scenes.scene import grid_poses, pose_graph, successors
 from relm_irl_jax.types import Agent, Observation, Policy, TrainingLog, TrainingProblem
 from relm_irl_jax.world import Targets, World
 
 STEPS = 10
+RADIUS = Extent().radius
 STEP_COST = ManualReward(jnp.float32(0), jnp.float32(-1), jnp.float32(-1))
 NETWORK = MapNetwork(width=16, channels=8)
 STARTS = np.array([[0, 7, 13]])
@@ -71,6 +76,11 @@ def actions(parameters, room, goals, starts):
     successor, images = room
     world = world_of(successor)
     policy = MapAgent(lambda _: images, network=NETWORK).policy(parameters, world, targets_of(*goals))
+    return acted(policy, world, goals, starts)
+
+
+def acted(policy, world, goals, starts):
+    """Actions of a policy in episodes side by side, and its memory in the end."""
     state = np.asarray(starts)
     collided, memory, chosen = np.zeros(state.shape, bool), policy.init(state.shape), []
     target = jnp.asarray(np.arange(state.size).reshape(state.shape) % len(goals), jnp.int32)
@@ -197,7 +207,7 @@ def test_filled_memory_is_the_map_of_all_views(parameters, room):
     assert not filled.blocked[0][pose[:, 1] + RADIUS, pose[:, 2] + RADIUS].any()
     assert (~filled.blocked).sum() == 12
     for state, action in ((0, 0), (5, 1), (9, 2), (30, 3)):  # a move leads from pose to pose
-        odometry = start_odometry(())
+        odometry = start_odometry((), Extent())
         odometry = dataclasses.replace(odometry, pose=jnp.asarray(pose[state]))
         following = int(successor[state, action])
         moved = move(odometry, jnp.int32(action), jnp.bool_(following == state))
@@ -214,3 +224,52 @@ def test_unseen_scenes_begin_with_an_empty_memory(parameters, room):
     world = dataclasses.replace(world_of(room[0]), training_scene=jnp.asarray([-1]))
     agent = MapAgent(lambda _: room[1], MapSettings(memory="filled"), network=NETWORK)
     assert agent.policy(parameters, world, targets_of(3)).filled is None
+
+
+def test_views_are_corrected_in_search_as_in_training(parameters, room):
+    successor, images = room
+    bright = MapAgent(lambda _: images, MapSettings(gamma=0.5), network=NETWORK)
+    given = MapAgent(lambda _: gamma_corrected(images, 0.5), network=NETWORK)
+    policies = [agent.policy(parameters, world_of(successor), targets_of(40, 21)) for agent in (bright, given)]
+    for name in ("record", "kernel"):
+        np.testing.assert_array_equal(*(getattr(policy, name) for policy in policies))
+
+
+def test_a_wider_map_says_the_same_about_a_room(parameters, room, reference):
+    """Beyond the extent of rooms nothing was seen; within it, the evidence and the actions are the same."""
+    successor, images = room
+    world, goals = world_of(successor), np.array([40, 21])
+    narrow = MapAgent(lambda _: images, network=NETWORK).policy(parameters, world, targets_of(*goals))
+    wide = map_policy(
+        parameters, look(NETWORK, parameters["network"], jnp.asarray(images)), goals, narrow.search, Extent(24)
+    )
+    assert (narrow.extent, wide.extent) == (Extent(), Extent(24))
+    chosen, memory = acted(wide, world, goals, STARTS)
+    np.testing.assert_array_equal(chosen, reference[0])
+    target = jnp.asarray([[0, 1, 0]])
+    one, other = narrow.belief(reference[1], target), wide.belief(memory, target)
+    np.testing.assert_array_equal(other.pose, one.pose)
+    np.testing.assert_allclose(other.free[..., 8:-8, 8:-8], one.free, rtol=1e-5)
+    inner = other.probability[..., 8:-8, 8:-8]
+    np.testing.assert_allclose(inner / inner.sum((2, 3, 4), keepdims=True), one.probability, rtol=1e-3, atol=1e-7)
+
+
+def test_a_corridor_longer_than_any_room_is_searched_to_its_end(parameters):
+    """Systematic search from one end of 24 places finds the view backwards at the other end, and counts right."""
+    scene = grid_scene(24, 1)
+    successor = successors(scene.graph)
+    images, world = np.zeros((len(successor), VIEW, VIEW, 3), np.uint8), world_of(successor)
+    goal = 4 * 23 + 3
+    policy = explorer(MapAgent(lambda _: images, network=NETWORK).policy(parameters, world, targets_of(goal)))
+    assert policy.extent == Extent(24)
+    pose, state, collided = grid_poses(scene), 1, False  # the start faces along the corridor
+    memory = policy.init((1, 1))
+    for _ in range(250):
+        observation = Observation(jnp.full((1, 1), state, jnp.int32), jnp.full((1, 1), collided))
+        memory, action = act(policy, memory, observation, jnp.zeros((1, 1), jnp.int32))
+        np.testing.assert_array_equal(memory.odometry.pose[0, 0], relative_pose(pose[state], pose[1]))
+        following = int(successor[state, int(action[0, 0])])
+        collided, state = following == state, following
+        if state == goal:
+            break
+    assert state == goal

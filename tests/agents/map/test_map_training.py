@@ -10,11 +10,11 @@ from interruption import assert_same, interrupt, resume
 from scipy.signal import correlate
 
 from relm_irl_jax.agents.map.agent import draw_chunk, train_on_rooms
-from relm_irl_jax.agents.map.augmentation import draw_filter, random_convolution
-from relm_irl_jax.agents.map.geometry import RADIUS
-from relm_irl_jax.agents.map.loss import initial_parameters, prefix_lengths
+from relm_irl_jax.agents.map.augmentation import draw_filter, gamma_corrected, random_convolution
+from relm_irl_jax.agents.map.geometry import Extent
+from relm_irl_jax.agents.map.loss import compute_loss, initial_parameters, prefix_lengths
 from relm_irl_jax.agents.map.network import VIEW, MapNetwork
-from relm_irl_jax.agents.map.rooms import room_from_graph, to_room
+from relm_irl_jax.agents.map.rooms import places_along_side, room_from_graph, to_room
 from relm_irl_jax.agents.map.training_rooms import GeneratedRooms, GivenRooms
 from relm_irl_jax.agents.map.walks import draw_walks, relative_pose
 from relm_irl_jax.agents.map.weights import load_weights, save_weights
@@ -52,9 +52,9 @@ def test_walks_are_odometry(scene):
     for number in range(5):
         poses = walks.pose[number][walks.valid[number]]
         assert len(set(map(tuple, poses.tolist()))) == len(poses)
-        assert walks.free[number, poses[:, 1] + RADIUS, poses[:, 2] + RADIUS].all()
+        assert walks.free[number, poses[:, 1] + Extent().radius, poses[:, 2] + Extent().radius].all()
         assert walks.free[
-            number, walks.target_pose[number, :, 1] + RADIUS, walks.target_pose[number, :, 2] + RADIUS
+            number, walks.target_pose[number, :, 1] + Extent().radius, walks.target_pose[number, :, 2] + Extent().radius
         ].all()
     # The same view has the same place relative to another view in every walk.
     state = np.array([[int((room.views == view).all((1, 2, 3)).argmax()) for view in row] for row in walks.views])
@@ -82,13 +82,52 @@ def test_states_that_the_first_cannot_reach_are_left_out(scene):
     np.testing.assert_array_equal(room.targets, [5])
 
 
-def test_large_scenes_are_refused():
-    scene = grid_scene(RADIUS + 2, 1)
-    scene = replace(scene, observation=np.zeros((scene.n_states, 2, 2, 3), np.uint8))
-    with pytest.raises(InputError, match="map holds 17"):
-        to_room(scene)
-    with pytest.raises(InputError, match="map holds 17"):
-        room_from_graph(scene.views, successors(scene.graph), np.zeros(0, np.int32), np.zeros(0, np.int32))
+def test_places_along_a_side():
+    assert places_along_side(successors(grid_scene(5, 3).graph)) == 5
+    assert places_along_side(successors(grid_scene(40, 1).graph)) == 40
+    apart = np.concatenate([successors(grid_scene(2, 1).graph), 8 + successors(grid_scene(1, 7).graph)])
+    assert places_along_side(apart) == 7
+
+
+@pytest.fixture(scope="module")
+def corridor():
+    """A corridor of 40 places, the grey of whose views numbers them."""
+    bare = grid_scene(40, 1)
+    views = np.broadcast_to((np.arange(160) // 4)[:, None, None, None], (160, 2, 2, 3)).astype(np.uint8)
+    return to_room(replace(bare, observation=views))
+
+
+def test_walks_and_targets_keep_to_the_extent_of_a_wide_scene(corridor):
+    reached = set()
+    for seed in range(20):
+        walks = draw_walks(corridor, np.random.default_rng(seed), walks=1, steps=60, targets=9, best_share=0.5)
+        place, start = walks.views[0, :, 0, 0, 0].astype(int), int(walks.views[0, 0, 0, 0, 0])
+        assert np.abs(place - start).max() <= 16
+        assert walks.free.sum() == min(start + 16, 39) - max(start - 16, 0) + 1
+        assert np.abs(walks.target_views[:, 0, 0, 0].astype(int) - start).max() <= 16
+        assert np.abs(walks.target_pose[..., 1:]).max() <= 16
+        reached |= set(place.tolist())
+    assert len(reached) > 35
+    wide = draw_walks(
+        corridor, np.random.default_rng(0), walks=1, steps=9, targets=9, best_share=0.5, extent=Extent(40)
+    )
+    assert wide.extent == Extent(40)
+    assert wide.free.sum() == 40
+
+
+@pytest.mark.slow
+def test_targets_beyond_the_extent_of_a_walk_teach_nothing(scene):
+    network = MapNetwork(width=16, channels=8)
+    walks = draw_walks(to_room(scene), np.random.default_rng(0), walks=1, steps=4, targets=2, best_share=0.0)
+    pose = walks.target_pose.copy()
+    pose[0, 0], pose[0, 1] = (2, -16, 16), (0, 17, 0)
+    both = replace(walks, target_pose=pose)
+    one = replace(walks, target_pose=pose[:, :1], target_views=walks.target_views[:1])
+    parameters = initial_parameters(network)
+    loss = jax.jit(compute_loss, static_argnames="network")
+    two, single = (loss(parameters, each, network, jnp.float32(1))[1] for each in (both, one))
+    np.testing.assert_allclose(two.pose, single.pose, rtol=1e-4)
+    assert (single.pose > 1).all()
 
 
 def test_targets_are_drawn_among_those_allowed(scene):
@@ -136,6 +175,16 @@ def test_random_convolutions_are_the_same_for_all_views_of_an_update(scene):
     ]
     expected = np.reshape(expected, (len(views), 3, 3, VIEW, VIEW)).sum(2).transpose(0, 2, 3, 1)
     np.testing.assert_allclose(filtered / 127.5 - 1.0, expected, atol=1e-4)
+
+
+def test_gamma_correction_by_hand(scene):
+    grey = np.array([[[0] * 3, [64] * 3, [255] * 3]], np.uint8)
+    np.testing.assert_array_equal(gamma_corrected(grey, 0.5)[0, :, 0], (0, 128, 255))  # 255 √(64 / 255) = 127.7
+    assert gamma_corrected(grey, 1.0) is grey
+    rooms, settings = GivenRooms([to_room(scene)]), MapSettings(views=4, targets=2)
+    (plain,), (bright,) = (draw_chunk(rooms, replace(settings, gamma=g), 3, 5, Chunks(9, 1, 8)) for g in (1.0, 0.5))
+    np.testing.assert_array_equal(bright.views, gamma_corrected(plain.views, 0.5))
+    np.testing.assert_array_equal(bright.target_views, gamma_corrected(plain.target_views, 0.5))
 
 
 def test_one_convolution_in_ten_is_the_identity(scene):

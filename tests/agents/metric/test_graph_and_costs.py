@@ -21,6 +21,7 @@ from relm_irl_jax.agents.metric.experience_graph import (
     one_way_transitions,
     steps_to_frontier,
 )
+from relm_irl_jax.rewards.goals import RewardAlone
 from relm_irl_jax.scenes.scene import shortest_path_distances, successors
 
 CORRIDOR = jnp.asarray([[1, 0, 0, 0], [2, 1, 1, 0], [2, 2, 2, 1]], jnp.int32)
@@ -35,6 +36,26 @@ def test_costs_in_a_corridor_by_hand():
     cost = jnp.asarray([[1.0, 2.0, 4.0], [8.0, 16.0, 32.0]])
     reach = minimum_costs_to_goals(CORRIDOR, int32([2, 0]), cost)
     np.testing.assert_array_equal(reach, [[1 + 2, 0], [2, 16], [0, 32 + 16]])
+
+
+def test_stopping_before_the_goal_by_hand():
+    """The goal is state 2; stopping in state 0 costs less than walking there."""
+    stop = jnp.asarray([[1.5, jnp.inf, 0.0]])
+    reach = minimum_costs_to_goals(CORRIDOR, int32([2]), jnp.ones((1, 3)), stop)
+    np.testing.assert_array_equal(reach[:, 0], [1.5, 1.0, 0.0])
+
+
+def test_costs_of_stopping_are_discounted_values():
+    """Of a reward p(s) for ever in the view where the agent stays, by value iteration."""
+    generator, discount = np.random.default_rng(0), 0.9
+    graph = successors(grid_scene(3, 3).graph)
+    share = np.where(generator.random((1, len(graph))) < 0.2, generator.uniform(0.1, 1.0, (1, len(graph))), 0.0)
+    stop = jnp.asarray(RewardAlone(0.05, discount).stop(share), jnp.float32)
+    reach = minimum_costs_to_goals(int32(graph), int32([0]), jnp.ones((1, len(graph))), stop)[:, 0]
+    value = share[0]
+    for _ in range(len(graph)):
+        value = np.maximum(share[0], discount * value[graph].max(1))
+    np.testing.assert_allclose(discount**reach, value, rtol=1e-5)
 
 
 def test_unit_costs_are_shortest_paths():

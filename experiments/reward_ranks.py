@@ -1,0 +1,127 @@
+"""How well each choice of inverse reinforcement learning and of the regressor predicts rewards: no agent is trained.
+
+    .venv/bin/python experiments/reward_ranks.py --out runs/reward-ranks
+
+The variants are those of `experiments/paper/ablation.toml` that change `irl` or `elm` alone. The rank of a target is
+the number of states of its scene whose predicted reward is at least the target's; 1 is best, and half of the states is
+chance. What is finished is kept.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import tyro
+from rich.console import Console
+from rich.table import Table
+
+from relm_irl_jax.config import Config, overlay
+from relm_irl_jax.files import read_table, write_table
+from relm_irl_jax.progress import progress_bar
+from relm_irl_jax.report.intervals import mean_interval
+from relm_irl_jax.report.names import method_name
+from relm_irl_jax.results import PREDICTED
+from relm_irl_jax.stages.encoding import EncodedScenes, encode_training
+from relm_irl_jax.stages.rewards import learn, reward_quality_rows
+from relm_irl_jax.studies.ablation import BASE, load_ablation
+from relm_irl_jax.tasks import draw_split
+
+ABLATION = Path(__file__).parent / "paper" / "ablation.toml"
+
+TARGETS = ("trained", "new", "uniform")
+"""Training targets, new targets of the paper's kind, and targets drawn uniformly."""
+
+
+@dataclass(frozen=True)
+class Study:
+    """What to measure, and where to save it."""
+
+    out: Path = Path("runs/reward-ranks")
+    """Folder for the table."""
+    seeds: int = 3
+    """Seeds of targets, demonstrations and regressors."""
+    variants: tuple[str, ...] = ()
+    """Variants; by default all that change the rewards."""
+    config: Config = field(default_factory=Config)
+    """Scenes, targets, and all that a variant does not change."""
+
+
+def reward_variants() -> dict[str, tuple[str, dict[str, Any]]]:
+    """Title and changes of each variant of the ablation that changes what is learned or predicted."""
+    found: dict[str, tuple[str, dict[str, Any]]] = {BASE: ("the default", {})}
+    for name, variant in load_ablation(ABLATION).variants.items():
+        if set(variant.set) <= {"irl", "elm"} and "predict_from" not in variant.set.get("elm", {}):
+            found[name] = (variant.title, variant.set)
+    return found
+
+
+def ranks(config: Config, encoded: EncodedScenes, seeds: int) -> Iterator[dict[tuple[str, str], float]]:
+    """Median rank of each method's targets, seed by seed.
+
+    Args:
+        config: the configuration.
+        encoded: encoded training scenes.
+        seeds: number of seeds.
+
+    Yields:
+        Ranks by method and targets.
+    """
+    for seed in range(seeds):
+        split = draw_split(encoded.scenes, (), config.tasks, seed)
+        learned = learn(config, encoded.scenes, split, seed)
+        rows = reward_quality_rows(encoded.scenes, split, learned, seed)
+        yield {(row.method, row.targets): row.median_rank for row in rows if row.method in PREDICTED}
+
+
+def main(study: Study) -> Path:
+    """Run the study, and print its table.
+
+    Args:
+        study: what and where.
+
+    Returns:
+        The table's file.
+    """
+    config = study.config.resolved()
+    variants = {name: v for name, v in reward_variants().items() if not study.variants or name in study.variants}
+    encoded = encode_training(config)
+    columns: dict[str, list[Any]] = {
+        name: [] for name in ("variant", "title", "method", "targets", "mean", "half_width", "seeds")
+    }
+    with progress_bar("ranks of targets", len(variants), "variants") as advance:
+        for name, (title, changes) in variants.items():
+            file = study.out / f"{name}.csv"
+            if not file.exists():
+                found = list(ranks(overlay(config, changes, ABLATION.name), encoded, study.seeds))
+                keys = [(method, targets) for method in PREDICTED for targets in TARGETS]
+                intervals = [mean_interval([of_seed[key] for of_seed in found]) for key in keys]
+                write_table(
+                    file,
+                    {
+                        "variant": [name] * len(keys),
+                        "title": [title] * len(keys),
+                        "method": [method for method, _ in keys],
+                        "targets": [targets for _, targets in keys],
+                        "mean": [interval.mean for interval in intervals],
+                        "half_width": [interval.half_width for interval in intervals],
+                        "seeds": [study.seeds] * len(keys),
+                    },
+                )
+            for column, values in read_table(file).items():
+                columns[column] += values
+            advance(1)
+    write_table(study.out / "reward-ranks.csv", columns)
+    table = Table(title=f"Median rank of targets, mean of {study.seeds} seeds, encoder {encoded.encoder_name}")
+    for heading in ("variant", "method", "targets", "rank"):
+        table.add_column(heading)
+    for name, method, targets, mean in zip(
+        *(columns[column] for column in ("variant", "method", "targets", "mean")), strict=True
+    ):
+        table.add_row(name, method_name(method), targets, f"{float(mean):.1f}")
+    Console().print(table)
+    return study.out / "reward-ranks.csv"
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Study, description=__doc__))

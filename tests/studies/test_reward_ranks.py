@@ -1,0 +1,36 @@
+"""The study of predicted rewards: its variants, and that a tiny one is finished and kept."""
+
+from dataclasses import replace
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+from relm_irl_jax.files import read_table
+from relm_irl_jax.studies.study import load_preset
+
+EXPERIMENTS = Path(__file__).parents[2] / "experiments"
+
+
+@pytest.fixture
+def study(monkeypatch):
+    monkeypatch.syspath_prepend(str(EXPERIMENTS))
+    return import_module("reward_ranks")
+
+
+def test_variants_change_the_rewards_alone(study):
+    variants = study.reward_variants()
+    assert {"base", "lp", "ridge", "phi-16", "strong"} <= set(variants)
+    assert not {"current-view", "open", "room-type-heads"} & set(variants)
+
+
+def test_ranks_of_a_tiny_study_are_kept(study, tmp_path, monkeypatch):
+    config = load_preset(EXPERIMENTS / "smoke.toml")
+    config = replace(config, elm=replace(config.elm, hidden=20), irl=replace(config.irl, trajectories=2, processes=1))
+    settings = study.Study(tmp_path, seeds=2, variants=("base",), config=config)
+    table = read_table(study.main(settings))
+    assert set(table["variant"]) == {"base"}
+    assert set(table["method"]) == {"elm-irl", "relm-irl"}
+    assert all(1 <= float(mean) <= 80 for mean in table["mean"])
+    monkeypatch.setattr(study, "learn", None)  # what is finished is not learned again
+    assert read_table(study.main(settings)) == table

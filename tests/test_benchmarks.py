@@ -1,0 +1,35 @@
+"""Programs that benchmarks time do what they are said to do."""
+
+import jax
+import numpy as np
+from tiny import problem
+
+from relm_irl_jax.agents.settings import SiameseSettings
+from relm_irl_jax.benchmarks.environment import STEPS, environment_program
+from relm_irl_jax.benchmarks.peers import compare
+from relm_irl_jax.benchmarks.plain_a2c import plain_program
+
+
+def test_the_environment_alone_ends_and_starts_episodes():
+    episode, (terminated, truncated) = environment_program(problem(cap=20), 6)()
+    assert terminated.shape == truncated.shape == (STEPS, 1, 6)
+    assert terminated.any()
+    assert truncated.any()
+    assert not (terminated & truncated).any()
+    # Steps since the last end of each worker's episodes.
+    ended = np.asarray(terminated | truncated)[:, 0]
+    np.testing.assert_array_equal(episode.steps[0], ended[::-1].argmax(0))
+
+
+def test_the_plain_actor_critic_learns():
+    with jax.numpy_dtype_promotion("standard"):  # optax raises numbers to the power of its integer count
+        parameters, reward = plain_program(problem(), SiameseSettings(workers=8, t_max=4, width=8), updates=60)()
+    assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(parameters))
+    assert reward.shape == (60,)
+    assert reward[-20:].mean() > reward[:20].mean()
+
+
+def test_a_ratio_is_ours_divided_by_theirs():
+    row = compare("part", "peer", "steps", 30.0, 10.0)
+    assert row.ratio == 3.0
+    assert "cores" in row.computer
