@@ -222,8 +222,8 @@ def draw_chunk(rooms: TrainingRooms, settings: MapSettings, seed: int, number: i
         )
         walks = replace(
             walks,
-            views=gamma_corrected(walks.views, settings.gamma),
-            target_views=gamma_corrected(walks.target_views, settings.gamma),
+            views=gamma_corrected(np.asarray(walks.views), settings.gamma),
+            target_views=gamma_corrected(np.asarray(walks.target_views), settings.gamma),
         )
         if settings.augmentation == "random-convolution":
             walks = replace(walks, convolution=draw_filter(generator))
