@@ -158,7 +158,9 @@ def _end_in_time(reading: int, grace: float) -> None:
 
 
 def end_workers() -> None:
-    """Kill joblib's workers, if there are any, and remove their temporary files."""
+    """Kill joblib's workers, if there are any, and remove their temporary files; the process is about to end."""
+    # Threads of libraries that read from what is closed here would print a traceback.
+    threading.excepthook = lambda _: None
     loky = sys.modules.get("joblib.externals.loky.reusable_executor")
     if loky is not None and loky._executor is not None:
         loky._executor.terminate(kill_workers=True)

@@ -48,6 +48,26 @@ except KeyboardInterrupt as error:
 """
 
 
+READER = """
+import multiprocessing, os, queue, threading, time
+from relm_irl_jax.interruption import end_workers
+events = multiprocessing.Queue()
+events.put(0)
+def read():
+    while True:
+        try:
+            events.get(True, 0.01)
+        except queue.Empty:
+            pass
+thread = threading.Thread(target=read, daemon=True)
+thread.start()
+time.sleep(0.2)
+end_workers()
+thread.join(10)
+os._exit(thread.is_alive())
+"""
+
+
 def alive(number):
     try:
         os.kill(number, 0)
@@ -79,6 +99,12 @@ def test_an_interrupted_process_ends_in_time_and_says_how_to_continue(tmp_path, 
     while alive(child) and time.monotonic() < deadline:
         time.sleep(0.02)
     assert not alive(child)
+
+
+def test_threads_that_read_from_what_is_closed_end_in_silence():
+    """As the one that writes TensorBoard's files."""
+    ended = subprocess.run([sys.executable, "-c", READER], capture_output=True, text=True, timeout=60, check=False)
+    assert (ended.returncode, ended.stderr) == (0, "")
 
 
 def test_a_signal_waits_for_the_end_of_nested_blocks():

@@ -156,7 +156,8 @@ def shortest_path_distances(graph: Int[np.ndarray, "states 4"]) -> Int32[np.ndar
     from scipy.sparse.csgraph import shortest_path
 
     state, action = np.nonzero(graph != COLLISION)
-    edges = csr_array((np.ones(len(state)), (state, graph[state, action])), shape=(len(graph), len(graph)))
+    ends = (state.astype(np.int32), graph[state, action].astype(np.int32))  # SciPy 1.14 takes no longer numbers
+    edges = csr_array((np.ones(len(state)), ends), shape=(len(graph), len(graph)))
     distances = np.empty((len(graph), len(graph)), np.int32)
     for first in range(0, len(graph), ROWS_AT_ONCE):  # scipy's own table has 64 bits
         rows = np.arange(first, min(first + ROWS_AT_ONCE, len(graph)))

@@ -81,6 +81,10 @@ def test_a_missing_file_and_a_file_of_another_format_are_input_errors(tmp_path):
         pretrained.load_state_dict(pickle)
 
 
+class HttpError(Exception):
+    """As the hub's HTTP libraries raise them."""
+
+
 @pytest.fixture
 def cache(monkeypatch, tmp_path):
     """An empty cache folder, and a hub that answers with whatever the test puts into `hub`."""
@@ -88,15 +92,20 @@ def cache(monkeypatch, tmp_path):
     return tmp_path
 
 
-def test_without_a_network_the_error_says_where_to_put_the_file(monkeypatch, cache):
+@pytest.mark.parametrize("name", ["imagenet", "imagenet-v2"])
+@pytest.mark.parametrize("kind", [ConnectionError, HttpError])
+def test_without_a_network_the_error_says_where_to_put_the_file(monkeypatch, cache, name, kind):
+    """Of `imagenet-v2`, the hub tells the checksum."""
+
     def offline(*_, **__):
-        raise ConnectionError("no network")
+        raise kind("no network")
 
     monkeypatch.setattr(pretrained, "hf_hub_download", offline)
+    monkeypatch.setattr(pretrained, "get_hf_file_metadata", offline)
     with pytest.raises(InputError, match="could not be downloaded") as error:
-        pretrained.fetch_published("imagenet")
-    assert str(pretrained.published_path("imagenet")) in str(error.value)
-    assert cache in pretrained.published_path("imagenet").parents
+        pretrained.fetch_published(name)
+    assert str(pretrained.published_path(name)) in str(error.value)
+    assert cache in pretrained.published_path(name).parents
 
 
 def test_a_download_is_kept_and_its_checksum_compared(monkeypatch, cache):
