@@ -1,7 +1,7 @@
 """The tables of the mapping agent's study, from files that are written by hand."""
 
 from relm_irl_jax.files import write_table
-from relm_irl_jax.studies.search_page import FAILURE_COLUMNS, METRIC_COLUMNS, SearchRow, search_section
+from relm_irl_jax.studies.search_page import FAILURE_COLUMNS, METRIC_COLUMNS, SearchRow, maps_section, search_section
 
 
 def test_means_are_over_scenes_then_room_types_then_seeds(tmp_path):
@@ -38,3 +38,17 @@ def test_no_failures_and_no_rows(tmp_path):
     )
     write_table(row.failures(tmp_path), {name: [] for name in FAILURE_COLUMNS})
     assert any("Oracle" in line for line in search_section(tmp_path))
+
+
+def test_maps_have_a_column_each_and_their_mean(tmp_path):
+    assert maps_section(tmp_path) == []
+    for agent, rates in (("random", (0.0, 0.1)), ("map", (0.5, 0.8))):
+        lines = [(0, name, "doom", 20, sr, 0.0, sr / 2) for name, sr in zip(("e1m1", "map01"), rates, strict=True)]
+        path = SearchRow(agent, "III", 0, "empty", 20).path(tmp_path)
+        write_table(path, dict(zip(METRIC_COLUMNS, zip(*lines, strict=True), strict=True)))
+    table = [line for line in maps_section(tmp_path) if line.startswith("|")]
+    assert table[0] == "| | Episodes | e1m1 | map01 | Mean |"
+    assert table[2:] == [
+        "| Mapping agent | 40 | 0.50 / 0.25 | 0.80 / 0.40 | 0.65 / 0.33 |",
+        "| Random | 40 | 0.00 / 0.00 | 0.10 / 0.05 | 0.05 / 0.03 |",
+    ]
