@@ -29,7 +29,7 @@ QUICK   ?=  ## 1 for tiny rooms, few frames and seeds: whether everything runs, 
 JOBS    ?=  ## Runs of a study at a time; 1 by default.
 ARGS    ?=  ## More options of the command, as in ARGS="--siamese.width 256"; for tests, of pytest.
 
-.PHONY: help setup train evaluate report play test slow chaos fuzz smoke lint bench paper tables weights notebook notebooks docs lock clean
+.PHONY: help setup train evaluate report play test lowest slow chaos fuzz smoke lint bench paper tables weights notebook notebooks docs lock clean
 
 # A variable on the command line that no target of it uses is refused. (help and refusals: .ci/makefile.py)
 GIVEN   := $(sort $(foreach name,$(.VARIABLES),$(if $(filter command,$(origin $(name))),$(name))))
@@ -71,6 +71,11 @@ play: $(STAMP)  ## Watch an agent of a run; without RUN, walk yourself by keyboa
 
 test: $(STAMP)  ## Run the tests, but for the slow ones. [ARGS]
 	@$(BIN)/python -m pytest $(ARGS)
+
+lowest:  ## Run the tests with the lowest versions that pyproject.toml allows (needs uv). [ARGS]
+	@uv venv -q --clear --python $(PYTHON) $(VENV)-lowest
+	@uv pip install -q --python $(VENV)-lowest --resolution lowest-direct -e '.[dev]'
+	@$(VENV)-lowest/bin/python -m pytest $(ARGS)
 
 slow: $(STAMP)  ## Run the slow tests: whole trainings. [ARGS]
 	@$(FAST) $(BIN)/python -m pytest -m slow $(ARGS) || test $$? = 5  # pytest says 5 where no test is slow
@@ -125,4 +130,4 @@ lock:  ## Resolve pyproject.toml into requirements.lock and requirements-docs.lo
 	uv pip compile --group docs $(LOCK) -o requirements-docs.lock
 
 clean:  ## Remove the environment and caches, never runs.
-	rm -rf $(VENV) $(DOCS) site .cache .pytest_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) $(VENV)-lowest $(DOCS) site .cache .pytest_cache .ruff_cache .hypothesis

@@ -1,6 +1,7 @@
 """The command `relm-irl`."""
 
 import difflib
+import gc
 import os
 import sys
 from collections.abc import Callable
@@ -174,15 +175,15 @@ def _scene_command(name: str) -> tuple[Any, Callable[[Any], None]]:
 
 def _train(arguments: list[str]) -> None:
     """Train agents and evaluate them on a task."""
+    for option in HELP:
+        if option in arguments:
+            position = arguments.index(option)
+            _help_of_train(arguments[position + 1] if position + 1 < len(arguments) else None)
+            return
     import tyro
 
     from relm_irl_jax.config import Config
 
-    for option in HELP:
-        if option in arguments:
-            position = arguments.index(option)
-            print(train_help(Config, arguments[position + 1] if position + 1 < len(arguments) else None))
-            return
     default, arguments = _default_config(arguments)
 
     def parsed(config: Annotated[Config, tyro.conf.arg(name="")] = default) -> Config:
@@ -193,6 +194,16 @@ def _train(arguments: list[str]) -> None:
     Resume.run = run_path(config.resolved())
     folder = run(config)
     _show(load_results(folder), folder.path)
+
+
+def _help_of_train(topic: str | None) -> None:
+    gc.disable()  # collecting garbage takes an eighth of the time of help
+    try:
+        from relm_irl_jax.config import Config
+
+        print(train_help(Config, topic))
+    finally:
+        gc.enable()
 
 
 def _report(command: "Report") -> None:

@@ -14,7 +14,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 GRACE_SECONDS = 3.0
 """Seconds after which an interrupted process is ended."""
@@ -127,7 +127,7 @@ def _interrupt(number: int, _: object) -> None:
         raise Interrupted(number)
 
 
-def _raise_again(error: "sys.UnraisableHookArgs") -> bool:
+def _raise_again(error: Any) -> bool:
     """Send a signal again that came within a finaliser, where Python drops exceptions; whether it was one."""
     interruption = error.exc_value
     if not isinstance(interruption, Interrupted):
