@@ -191,6 +191,11 @@ def main(folder: Path = Path("runs/bench/peers"), repeats: int = 10) -> tuple[Co
     for heading in ("part", "unit", "ours", "peer", "rate of the peer", "ratio"):
         table.add_column(heading, justify="left" if heading in ("part", "unit", "peer") else "right")
     for row in rows:
-        table.add_row(row.part, row.unit, f"{row.ours:,.3g}", row.peer, f"{row.theirs:,.3g}", f"{row.ratio:.2g}")
+        table.add_row(row.part, row.unit, _digits(row.ours), row.peer, _digits(row.theirs), _digits(row.ratio))
     Console().print(table)
     return tuple(rows)
+
+
+def _digits(value: float) -> str:
+    """Three significant digits."""
+    return f"{float(f'{value:.3g}'):,.10g}"
