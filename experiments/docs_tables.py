@@ -13,8 +13,6 @@ A page says where a table belongs, and which, between two comments:
     <!-- table: search -->                          the mapping agent in unseen rooms
     <!-- table: ranks -->                           ranks of targets by predicted reward
     <!-- table: peers -->                           speed of every part beside another library
-    <!-- table: rates -->                           frames per second of the paper's agent by number of workers
-    <!-- table: devices -->                         an update on several virtual devices
     <!-- table: gpu -->                             frames per second of trainings on a GPU
     <!-- table: maps map-vizdoom -->                the mapping agent in unseen recorded maps
     <!-- /table -->
@@ -40,9 +38,6 @@ ROOT = Path(__file__).parents[1]
 TABLES = ROOT / "docs" / "tables"
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
 
-BENCHMARKS = ("peers", "agent", "scaling")
-"""Benchmarks with tables in the documentation."""
-
 BLOCK = re.compile(r"(<!-- table: ([a-z-]+)((?: [\w-]+)*) -->\n).*?(<!-- /table -->)", re.DOTALL)
 """A table of a page: its first line, kind, arguments, and last line."""
 
@@ -64,9 +59,8 @@ def copy_tables(study: Path) -> None:
             shutil.copyfile(path, TABLES / name / path.name)
     if (path := study / "reward-ranks" / "reward-ranks.csv").is_file():
         shutil.copyfile(path, TABLES / path.name)
-    for name in BENCHMARKS:
-        if (path := study / name / f"{name}.csv").is_file():
-            shutil.copyfile(path, TABLES / f"speed-{name}.csv")
+    if (path := study / "peers" / "peers.csv").is_file():
+        shutil.copyfile(path, TABLES / "speed-peers.csv")
 
 
 def written(page: str) -> str:
@@ -199,37 +193,6 @@ def _peers() -> list[str]:
     return [f"{rows['computer'][0]}:", "", *lines]
 
 
-def _rates() -> list[str]:
-    """Frames per second of the environment, of acting and of training with one observed view."""
-    rows = read_table(TABLES / "speed-agent.csv")
-    found = {
-        (case, int(workers)): rate
-        for case, history, workers, rate in zip(
-            rows["case"], rows["history"], rows["workers"], rows["frames_per_second"], strict=True
-        )
-        if history == "1"
-    }
-    counts = sorted({workers for _, workers in found})
-    lines = ["| Frames per second | " + " | ".join(f"{count} workers" for count in counts) + " |"]
-    lines.append("|---|" + "---:|" * len(counts))
-    for case in dict.fromkeys(case for case, _ in found):
-        cells = [_rate(found[case, count]) if (case, count) in found else "" for count in counts]
-        lines.append(f"| {case} | " + " | ".join(cells) + " |")
-    return lines
-
-
-def _devices() -> list[str]:
-    """Time of an update, and its ratio to that of one device times their number."""
-    rows = read_table(TABLES / "speed-scaling.csv")
-    columns = zip(rows["devices"], rows["workers"], map(float, rows["update_seconds"]), strict=True)
-    lines, alone = ["| Devices | Workers | Update | Ratio |", "|---:|---:|---:|---:|"], None
-    for devices, workers, seconds in columns:
-        alone = alone or seconds / int(devices)
-        ratio = seconds / alone / int(devices)
-        lines.append(f"| {devices} | {workers} | {1e3 * seconds:.0f} ms | {ratio:.2f} |")
-    return lines
-
-
 def _gpu() -> list[str]:
     """Trainings on a GPU."""
     rows = read_table(TABLES / "gpu.csv")
@@ -264,8 +227,6 @@ KINDS: dict[str, Callable[..., list[str]]] = {
     "search": _search,
     "ranks": _ranks,
     "peers": _peers,
-    "rates": _rates,
-    "devices": _devices,
     "gpu": _gpu,
     "maps": _maps,
 }
