@@ -25,6 +25,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
+from relm_irl_jax.benchmarks.rows import three_digits
 from relm_irl_jax.files import read_table, write_bytes
 from relm_irl_jax.report.comparison import BASELINES, markdown_difference
 from relm_irl_jax.report.intervals import MeanInterval
@@ -189,7 +190,8 @@ def _peers() -> list[str]:
     lines = ["| | | Here, per second | Peer | Its rate | Ratio |", "|---|---|---:|---|---:|---:|"]
     columns = (rows[name] for name in ("part", "unit", "ours", "peer", "theirs", "ratio"))
     for part, unit, ours, peer, theirs, ratio in zip(*columns, strict=True):
-        lines.append(f"| {part} | {unit} | {_rate(ours)} | {peer} | {_rate(theirs)} | {_rate(ratio)} |")
+        rates = [three_digits(float(value)) for value in (ours, theirs, ratio)]
+        lines.append(f"| {part} | {unit} | {rates[0]} | {peer} | {rates[1]} | {rates[2]} |")
     return [f"{rows['computer'][0]}:", "", *lines]
 
 
@@ -202,16 +204,15 @@ def _gpu() -> list[str]:
     ]
     names = ("agent", "method", "workers", "frames_per_second", "frames", "other_chunks_seconds", "first_chunk_seconds")
     for agent, method, workers, rate, frames, seconds, first in zip(*(rows[name] for name in names), strict=True):
-        cells = (workers, _rate(rate), _rate(frames), f"{float(seconds):.1f}", f"{float(first):.0f}")
+        cells = (
+            workers,
+            three_digits(float(rate)),
+            three_digits(float(frames)),
+            f"{float(seconds):.1f}",
+            f"{float(first):.0f}",
+        )
         lines.append(f"| {agent}, {method_name(method)} | " + " | ".join(cells) + " |")
     return lines
-
-
-def _rate(value: str) -> str:
-    """Three significant digits."""
-    number = float(value)
-    digits = max(0, 2 - math.floor(math.log10(abs(number))))
-    return f"{round(number, 2 - math.floor(math.log10(abs(number)))):,.{digits}f}"
 
 
 def _maps(name: str) -> list[str]:

@@ -23,7 +23,7 @@ from relm_irl_jax.benchmarks import elm, encoder, irl
 from relm_irl_jax.benchmarks.agent import UPDATES, benchmark_problem, imagined_program
 from relm_irl_jax.benchmarks.environment import STEPS, environment_program, gymnax_program
 from relm_irl_jax.benchmarks.plain_a2c import plain_program
-from relm_irl_jax.benchmarks.rows import write_rows
+from relm_irl_jax.benchmarks.rows import three_digits, write_rows
 from relm_irl_jax.benchmarks.timing import describe_computer, time_calls
 from relm_irl_jax.features import weights
 from relm_irl_jax.progress import progress_bar
@@ -191,11 +191,8 @@ def main(folder: Path = Path("runs/bench/peers"), repeats: int = 10) -> tuple[Co
     for heading in ("part", "unit", "ours", "peer", "rate of the peer", "ratio"):
         table.add_column(heading, justify="left" if heading in ("part", "unit", "peer") else "right")
     for row in rows:
-        table.add_row(row.part, row.unit, _digits(row.ours), row.peer, _digits(row.theirs), _digits(row.ratio))
+        table.add_row(
+            row.part, row.unit, three_digits(row.ours), row.peer, three_digits(row.theirs), three_digits(row.ratio)
+        )
     Console().print(table)
     return tuple(rows)
-
-
-def _digits(value: float) -> str:
-    """Three significant digits."""
-    return f"{float(f'{value:.3g}'):,.10g}"

@@ -220,11 +220,12 @@ def draw_chunk(rooms: TrainingRooms, settings: MapSettings, seed: int, number: i
             targets=settings.targets,
             best_share=settings.best_share,
         )
-        walks = replace(
-            walks,
-            views=gamma_corrected(np.asarray(walks.views), settings.gamma),
-            target_views=gamma_corrected(np.asarray(walks.target_views), settings.gamma),
-        )
+        if settings.gamma != 1.0:  # otherwise views that an accelerator renders stay there
+            walks = replace(
+                walks,
+                views=gamma_corrected(np.asarray(walks.views), settings.gamma),
+                target_views=gamma_corrected(np.asarray(walks.target_views), settings.gamma),
+            )
         if settings.augmentation == "random-convolution":
             walks = replace(walks, convolution=draw_filter(generator))
         drawn.append(walks)
