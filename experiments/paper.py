@@ -3,18 +3,18 @@
     make paper                                all pieces, then runs/paper/report.html
     make paper PIECE=metric                   one of siamese, siamese-long, siamese-told, siamese-rooms, metric,
                                               metric-long, metric-open, metric-no-hindsight, metric-reward-alone,
-                                              vizdoom, elm, stability, reward-ranks, ablation, irl-methods, map,
-                                              map-vizdoom, unseen, many-rooms, report
+                                              vizdoom, elm, stability, reward-ranks, ablation, irl-methods,
+                                              regularisation, map, map-vizdoom, unseen, many-rooms, report
     make paper PIECE=ablation VARIANT=lp      one variant, and the base that it is compared with
     make paper QUICK=1                        the same code on tiny rooms, in runs/paper-quick
     make paper JOBS=4                         four runs at a time, each in a process of its own
 
 Tables 1 to 3 and Figures 6 and 11 are of the pieces `siamese` (the paper's agent) and `metric`, Figures 7 to 10 of
 `elm`. The piece `map` measures the mapping agent in unseen rooms. Some pieces run only where they are named:
-`vizdoom` and `map-vizdoom`, whose scenes have to be recorded first, `metric-reward-alone`, `siamese-long` and
-`metric-long`, which train with more frames, and `siamese-rooms`, `unseen` and `many-rooms`, which train on up to
-hundreds of rooms. The presets lie in experiments/paper. Runs go where joblib's context sends them: a script that calls
-`main` within `joblib.parallel_config` can spread them over a cluster.
+`vizdoom` and `map-vizdoom`, whose scenes have to be recorded first, `metric-reward-alone`, `regularisation`,
+`siamese-long` and `metric-long`, which train with more frames, and `siamese-rooms`, `unseen` and `many-rooms`, which
+train on up to hundreds of rooms. The presets lie in experiments/paper. Runs go where joblib's context sends them: a
+script that calls `main` within `joblib.parallel_config` can spread them over a cluster.
 """
 
 import sys
@@ -59,6 +59,7 @@ Piece = Literal[
     "reward-ranks",
     "ablation",
     "irl-methods",
+    "regularisation",
     "map",
     "map-vizdoom",
     "unseen",
@@ -67,7 +68,7 @@ Piece = Literal[
 ]
 NAMED = (
     *("vizdoom", "map-vizdoom", "metric-reward-alone", "siamese-long", "siamese-rooms", "metric-long", "unseen"),
-    "many-rooms",
+    *("many-rooms", "regularisation"),
 )
 """Pieces that run only where they are named."""
 

@@ -112,7 +112,7 @@ def _evaluated(config: Config, scenes: Sequence[Scene]) -> Sequence[Scene]:
 
 def _predictions(config: Config, sizes: Sequence[int]) -> dict[str, int]:
     """Bytes of tables of predicted rewards."""
-    states, siamese = sum(sizes), config.siamese
+    siamese = config.siamese
     projected = sum(sorted(sizes)[-SCENES_AT_ONCE:])
     weights = config.tasks.training_targets * min(sizes) * (config.irl.dimension or 1)
     needed = {
@@ -122,9 +122,11 @@ def _predictions(config: Config, sizes: Sequence[int]) -> dict[str, int]:
     }
     if "imagined" in make_agent(config, "relm-irl").requires:
         targets = max(size * min(siamese.imagined_targets, size // 2) for size in sizes)
+        # A lower bound: the smallest scenes that an update may draw.
+        drawn = sum(sorted(sizes)[: siamese.scenes_at_once])
         needed |= {
             "siamese.imagined_targets: their rewards": targets * 2 * FLOAT64,
-            "siamese.targets_at_once and siamese.width: a training step": states
+            "siamese.targets_at_once and siamese.width: a training step": drawn
             * (siamese.targets_at_once * siamese.width * ACTIVATIONS * FLOAT32),
         }
     return needed

@@ -44,6 +44,7 @@ class Variant:
         trained_by: name of the variant, or `BASE`, whose trained agents are evaluated instead of training others; empty
             to train. The two may differ in their evaluation alone.
         line: what its line adds to the agent's name in a figure over the number of training rooms.
+        method: the method whose metrics the variant's row shows; the ablation's if none is given.
     """
 
     title: str
@@ -52,6 +53,7 @@ class Variant:
     quick: bool = False
     trained_by: str = ""
     line: str = ""
+    method: Method | None = None
 
 
 @settings_dataclass(frozen=True)
@@ -62,7 +64,7 @@ class Ablation:
         base: fields of the base that differ from the defaults.
         variants: the variants by name.
         agents: further fields of the base for each agent, such as its frames.
-        method: the method whose metrics are compared.
+        method: the method whose metrics are compared, where a variant does not name another.
         tasks: the tasks that are evaluated.
     """
 
@@ -205,9 +207,10 @@ def ablation_rows(ablation: Ablation, changes: Mapping[str, Any], folder: Path) 
             if not is_finished(config, ablation.tasks) or (name != BASE and not base):
                 continue
             run = RunFolder(folder / f"{agent}-{name}")
+            method = (name != BASE and ablation.variants[name].method) or ablation.method
             results = load_all_results(run)
             values_by_seed: BySeed = {
-                (task, metric): by_seed(results[task].rows, ablation.method, metric, MEAN)
+                (task, metric): by_seed(results[task].rows, method, metric, MEAN)
                 for task in ablation.tasks
                 for metric in METRICS
             }
@@ -218,7 +221,7 @@ def ablation_rows(ablation: Ablation, changes: Mapping[str, Any], folder: Path) 
             change = {
                 key: paired_difference(seeds, base[key])[0] for key, seeds in values_by_seed.items() if name != BASE
             }
-            rank = mean_interval([_rank_of_new_targets(run, ablation.method, seed) for seed in range(config.seeds)])
+            rank = mean_interval([_rank_of_new_targets(run, method, seed) for seed in range(config.seeds)])
             rows.append(
                 AblationRow(
                     agent=agent,

@@ -64,6 +64,11 @@ STUDY_TEXTS = {
         "paired with the base on the same seeds and demonstrations, ± half of the 95% interval (Student's t); bold if "
         "the interval excludes zero.",
     ),
+    "regularisation": (
+        "Two regularisations: of inverse RL and of the regressor",
+        "By the reward alone; the base is ELM-IRL with λ = 10. Changes are paired with the base on the same seeds, "
+        "± half of the 95% interval (Student's t); bold if the interval excludes zero. Rank as above.",
+    ),
     "many-rooms": (
         "Memory and adaptation, trained on few and many rooms",
         "RL with the hand-made reward and ten training targets for each room; the base is 6 rooms. The unseen rooms of "

@@ -60,6 +60,7 @@ def test_every_variant_changes_its_base():
         "many-rooms.toml",
         "map.toml",
         "map-vizdoom.toml",
+        "regularisation.toml",
         "unseen.toml",
     }
     for changes in ({}, read_fields(PRESETS / "quick.toml")):
@@ -147,8 +148,9 @@ def leave_results(config: Config, values: list[float]) -> None:
         save_reward_quality(folder.rewards(seed, "quality.csv"), rows)
     for task in TASKS:
         rows = [
-            ResultRow(method="relm-irl", agent="siamese", scene="bathroom-0", room_type="bathroom", seed=seed,
-                      episodes=10, sr=value, spl=value / 2, ple=1.0)
+            ResultRow(method=method, agent="siamese", scene="bathroom-0", room_type="bathroom", seed=seed,
+                      episodes=10, sr=share * value, spl=share * value / 2, ple=1.0)
+            for method, share in (("relm-irl", 1.0), ("elm-irl", 0.5))
             for seed, value in enumerate(values)
         ]  # fmt: skip
         save_results(folder, Results(task, 9, "none", tuple(rows)))
@@ -167,6 +169,11 @@ def test_the_table_pairs_finished_runs_with_the_base(tmp_path):
     assert lines[1].rank.mean == 2.5
     assert "| wider | 2.5 ± 6.4 | 0.40 ± 2.54 | **+0.100 ± 0.000** |" in ablation_table(lines, "sr")
     assert len(ablation_columns(lines)["agent"]) == 2 * 3 * 2
+    other = replace(SMALL, variants={"wide": replace(SMALL.variants["wide"], method="elm-irl")})
+    shown = ablation_rows(other, {}, tmp_path / "ablation")[1]
+    assert shown.value["II", "sr"].mean == pytest.approx(0.2)
+    assert shown.change["II", "sr"].mean == pytest.approx(-0.1)
+    assert shown.rank.mean == 30
     page = write_study(tmp_path, {"ablation": lines}).with_suffix(".html").read_text()
     assert "wider" in page
 

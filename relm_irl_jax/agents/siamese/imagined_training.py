@@ -10,6 +10,7 @@ from relm_irl_jax.agents.settings import SiameseSettings
 from relm_irl_jax.agents.siamese.imagined_targets import drawn_pairs
 from relm_irl_jax.agents.siamese.imagined_update import ImaginedInputs, ImaginedState, run_imagined_updates
 from relm_irl_jax.agents.siamese.network import DISTANCE
+from relm_irl_jax.agents.siamese.size_classes import size_classes
 from relm_irl_jax.agents.siamese.training import (
     init_parameters,
     loss_weights,
@@ -75,10 +76,12 @@ def prepare_imagined(
         )
     scene_head = scene_heads(problem.world, settings)
     form = update_form(settings, int(scene_head.max()) + 1)
+    classes = size_classes(problem.world, problem.imagined, scene_head, settings.scenes_at_once)
     inputs = ImaginedInputs(
         world=problem.world,
-        targets=problem.imagined,
-        pairs=drawn_pairs(problem.world, scene_head, settings.targets_at_once, settings.workers),
+        pairs=drawn_pairs(classes, settings.targets_at_once, settings.workers),
+        collision=problem.imagined.collision,
+        told=problem.imagined.told,
         given_share=jnp.float32(settings.given_share),
         near_starts=jnp.float32(settings.near_starts),
         loss=loss_weights(settings, problem.return_scale),
@@ -94,6 +97,6 @@ def _initial_state(key: PRNGKeyArray, inputs: ImaginedInputs, form: UpdateForm) 
     if form.network.distance:
         # Values begin at 0 at a target that ends the episode, and at 0 far from one that goes on paying.
         layers = dict(parameters["params"])
-        layers["value_bias"] += jnp.where(inputs.targets.told, 0.0, DISTANCE / 2)
+        layers["value_bias"] += jnp.where(inputs.told, 0.0, DISTANCE / 2)
         parameters = {"params": layers}
     return ImaginedState(parameters, make_optimizer(form, inputs.optimizer).init(parameters), key)

@@ -23,13 +23,12 @@ from relm_irl_jax.agents.actor_critic import LossWeights, Outputs
 from relm_irl_jax.agents.rollout import EpisodeSums
 from relm_irl_jax.agents.siamese.imagined_targets import (
     DrawnPairs,
-    TargetsOfUpdate,
+    PairsOfUpdate,
     draw_targets,
     evaluate_drawn,
 )
 from relm_irl_jax.agents.siamese.update import OptimizerNumbers, UpdateForm, make_optimizer
 from relm_irl_jax.agents.training import apply_gradient, repeat_updates
-from relm_irl_jax.rewards.imagined import ImaginedTargets
 from relm_irl_jax.types import Parameters
 from relm_irl_jax.world import World
 
@@ -47,8 +46,9 @@ class ImaginedInputs:
 
     Attributes:
         world: the scenes.
-        targets: all targets.
-        pairs: numbers of the pairs of an update.
+        pairs: scenes and targets, of which an update draws some.
+        collision: largest reward of an action that collides; infinite if collisions are paid like other actions.
+        told: whether an episode ends at its target.
         given_share: share of given targets among those drawn.
         near_starts: share of the episodes that start near their target.
         loss: numbers of the loss.
@@ -56,8 +56,9 @@ class ImaginedInputs:
     """
 
     world: World
-    targets: ImaginedTargets
     pairs: DrawnPairs
+    collision: Float32[Array, ""]
+    told: Bool[Array, ""]
     given_share: Float32[Array, ""]
     near_starts: Float32[Array, ""]
     loss: LossWeights
@@ -100,35 +101,30 @@ class Steps:
     terminated: Bool[Array, "*time workers"]
 
 
-def near_starts(key: PRNGKeyArray, inputs: ImaginedInputs, drawn: TargetsOfUpdate) -> Int32[Array, "workers"]:
+def near_starts(key: PRNGKeyArray, drawn: PairsOfUpdate) -> Int32[Array, "workers"]:
     """Begin a walk at each worker's target, and take up to `LONGEST_WALK` random actions.
 
     Args:
         key: source of randomness.
-        inputs: scenes and pairs.
-        drawn: the targets.
+        drawn: the pairs.
 
     Returns:
         Pair of each worker's target with the state where its walk ends.
     """
-    pairs = inputs.pairs
     length_key, action_key = jax.random.split(key)
-    workers = pairs.worker_first.shape
-    slot = pairs.worker_first % pairs.at_once
-    scene = jnp.searchsorted(pairs.first_state * pairs.at_once, pairs.worker_first, side="right") - 1
-    target = pairs.worker_first + drawn.state[scene, slot] * pairs.at_once
+    workers = drawn.worker_target.shape
     length = jax.random.randint(length_key, workers, 1, LONGEST_WALK + 1)
     actions = jax.random.randint(action_key, (LONGEST_WALK, *workers), 0, 4)
 
     def step(pair: Array, taken: tuple[Array, Array]) -> tuple[Array, None]:
         number, action = taken
-        return jnp.where(number < length, pairs.successor[pair, action], pair), None
+        return jnp.where(number < length, drawn.successor[pair, action], pair), None
 
-    return jax.lax.scan(step, target, (jnp.arange(LONGEST_WALK), actions))[0]
+    return jax.lax.scan(step, drawn.worker_target, (jnp.arange(LONGEST_WALK), actions))[0]
 
 
 def walk(
-    key: PRNGKeyArray, logits: Float32[Array, "pairs 4"], inputs: ImaginedInputs, drawn: TargetsOfUpdate, length: int
+    key: PRNGKeyArray, logits: Float32[Array, "pairs 4"], inputs: ImaginedInputs, drawn: PairsOfUpdate, length: int
 ) -> Steps:
     """Walk with all workers by the policy.
 
@@ -136,29 +132,29 @@ def walk(
         key: source of randomness.
         logits: the policy of every pair.
         inputs: scenes and pairs.
-        drawn: the targets.
+        drawn: the pairs.
         length: steps of each worker. Static.
 
     Returns:
         The steps.
     """
-    pairs, told = inputs.pairs, inputs.targets.told
+    pairs = inputs.pairs
     start_key, near_key, choice_key, step_key = jax.random.split(key, 4)
     workers = pairs.worker_first.shape
-    anywhere = pairs.start(jax.random.uniform(start_key, workers))
+    anywhere = drawn.start(pairs, jax.random.uniform(start_key, workers))
     near = jax.random.uniform(choice_key, workers) < inputs.near_starts
-    first = jnp.where(near, near_starts(near_key, inputs, drawn), anywhere)
+    first = jnp.where(near, near_starts(near_key, drawn), anywhere)
     cumulative = jnp.cumsum(jax.nn.softmax(logits), -1)[:, :-1]
 
     def step(pair: Array, draw: Array) -> tuple[Array, Steps]:
         action = (draw[0][:, None] >= cumulative[pair]).sum(-1).astype(jnp.int32)
-        following = pairs.successor[pair, action]
+        following = drawn.successor[pair, action]
         reward = drawn.reward[following]
-        reward = jnp.where(following == pair, jnp.minimum(reward, inputs.targets.collision), reward)
+        reward = jnp.where(following == pair, jnp.minimum(reward, inputs.collision), reward)
         # An episode that is told of arrivals and starts at its target takes one step there.
-        terminated = drawn.arrived[following] & told
+        terminated = drawn.arrived[following] & inputs.told
         taken = Steps(pair, action, reward, following, terminated)
-        return jnp.where(terminated, pairs.start(draw[1]), following), taken
+        return jnp.where(terminated, drawn.start(pairs, draw[1]), following), taken
 
     return jax.lax.scan(step, first, jax.random.uniform(step_key, (length, 2, *workers)))[1]
 
@@ -231,10 +227,10 @@ def update_on_imagined(
         its shortest path is not known, so that path lengths are NaN.
     """
     key, target_key, walk_key = jax.random.split(state.key, 3)
-    drawn = draw_targets(target_key, inputs.pairs, inputs.targets, inputs.given_share)
+    drawn = draw_targets(target_key, inputs.pairs, inputs.given_share)
 
     def evaluate(parameters: Parameters) -> Outputs:
-        return evaluate_drawn(form.network, parameters, inputs.world, inputs.pairs, drawn.state)
+        return evaluate_drawn(form.network, parameters, inputs.world, inputs.pairs, drawn)
 
     outputs, vjp = jax.vjp(evaluate, state.parameters)
     steps = walk(walk_key, outputs.logits, inputs, drawn, form.t_max)
@@ -243,8 +239,8 @@ def update_on_imagined(
     optimizer = make_optimizer(form, inputs.optimizer)
     parameters, optimizer_state = apply_gradient(optimizer, gradient, state.optimizer, state.parameters)
     arrived = drawn.arrived[steps.next_pair]
-    arrivals = jnp.where(inputs.targets.told, arrived.sum(), arrived.any(0).sum()).astype(jnp.float32)
-    cut = jnp.where(inputs.targets.told, (~arrived[-1]).sum(), arrived.shape[1] - arrived.any(0).sum())
+    arrivals = jnp.where(inputs.told, arrived.sum(), arrived.any(0).sum()).astype(jnp.float32)
+    cut = jnp.where(inputs.told, (~arrived[-1]).sum(), arrived.shape[1] - arrived.any(0).sum())
     unknown = jnp.float32(jnp.nan)
     sums = EpisodeSums(arrivals + cut.astype(jnp.float32), arrivals, unknown, unknown, steps.reward.sum())
     return ImaginedState(parameters, optimizer_state, key), sums

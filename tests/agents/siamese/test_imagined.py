@@ -49,6 +49,12 @@ def imagining(**changes):
     return dataclasses.replace(one, imagined=dataclasses.replace(targets, **changes))
 
 
+def drawn_as(inputs, targets):
+    """An update's pairs with given targets."""
+    drawn = drawing(jax.random.key(1), inputs.pairs, inputs.given_share)
+    return dataclasses.replace(drawn, target=targets)
+
+
 @pytest.fixture(scope="module")
 def prepared():
     return prepare_imagined(jax.random.key(0), imagining(), SETTINGS)
@@ -56,20 +62,21 @@ def prepared():
 
 def test_pairs_move_like_states(prepared):
     _, inputs, _ = prepared
-    pairs, successor = inputs.pairs, np.asarray(inputs.world.successor)
-    assert pairs.sizes == (16, 24)
-    assert len(pairs.successor) == 80
+    drawn, successor = drawing(jax.random.key(1), inputs.pairs, inputs.given_share), np.asarray(inputs.world.successor)
+    assert inputs.pairs.first_pair == (0, 32, 80)
+    np.testing.assert_array_equal(drawn.in_world, np.arange(40))
     for state in (0, 7, 15, 16, 39):
         for slot in (0, 1):
-            np.testing.assert_array_equal(pairs.successor[state * 2 + slot], successor[state] * 2 + slot)
+            np.testing.assert_array_equal(drawn.successor[state * 2 + slot], successor[state] * 2 + slot)
 
 
 def test_workers_start_in_every_state_of_their_scene(prepared):
-    pairs = prepared[1].pairs
+    _, inputs, _ = prepared
+    pairs, drawn = inputs.pairs, drawing(jax.random.key(1), inputs.pairs, inputs.given_share)
     first = np.asarray(pairs.worker_first)
     assert set(first.tolist()) == {0, 1, 32, 33}
-    np.testing.assert_array_equal(pairs.start(jnp.zeros(len(first))), first)
-    last = np.asarray(pairs.start(jnp.full(len(first), 1 - 2**-24)))
+    np.testing.assert_array_equal(drawn.start(pairs, jnp.zeros(len(first))), first)
+    last = np.asarray(drawn.start(pairs, jnp.full(len(first), 1 - 2**-24)))
     np.testing.assert_array_equal(last, np.where(first < 32, 30, 78) + first % 2)
 
 
@@ -78,10 +85,10 @@ def test_targets_are_drawn_among_the_given_and_all(prepared):
 
     @jax.jit
     def draw(seed, share):
-        return draw_targets(jax.random.key(seed), inputs.pairs, inputs.targets, share)
+        return draw_targets(jax.random.key(seed), inputs.pairs, share)
 
     def states(share):
-        return np.stack([draw(seed, jnp.float32(share)).state for seed in range(200)])
+        return np.stack([draw(seed, jnp.float32(share)).target for seed in range(200)])
 
     given, mixed, any_of = (states(share) for share in (1.0, 0.5, 0.0))
     assert set(given[:, 0].ravel().tolist()) == {3}
@@ -91,14 +98,14 @@ def test_targets_are_drawn_among_the_given_and_all(prepared):
         assert set(any_of[:, number].ravel().tolist()) == set(STATES[number].tolist())
     drawn = draw(0, jnp.float32(0.5))
     arrived = np.flatnonzero(drawn.arrived).tolist()
-    assert arrived == sorted((np.asarray(drawn.state) * 2 + [[0, 1], [32, 33]]).reshape(-1).tolist())
+    assert arrived == sorted((np.asarray(drawn.target) * 2 + [[0, 1], [32, 33]]).reshape(-1).tolist())
     np.testing.assert_array_equal(drawn.reward, np.where(drawn.arrived, 0.0, -1.0))
 
 
 def test_the_table_of_pairs_is_the_network(prepared):
     state, inputs, form = prepared
     targets = jnp.asarray([[3, 8], [20, 5]], jnp.int32)
-    table = tabulated(form.network, state.parameters, inputs.world, inputs.pairs, targets)
+    table = tabulated(form.network, state.parameters, inputs.world, inputs.pairs, drawn_as(inputs, targets))
     given = build_targets(two_rooms(), [Target(0, 3), Target(0, 8), Target(1, 20), Target(1, 5)])
     views, rows = jnp.asarray([[[7]], [[30]]], jnp.int32), jnp.asarray([[1], [2]], jnp.int32)
 
@@ -115,8 +122,8 @@ def test_the_table_of_pairs_is_the_network(prepared):
 
 def test_near_starts_are_a_few_actions_from_the_target(prepared):
     _, inputs, _ = prepared
-    drawn = drawing(jax.random.key(1), inputs.pairs, inputs.targets, inputs.given_share)
-    near = np.asarray(jax.jit(near_starts)(jax.random.key(2), inputs, drawn))
+    drawn = drawing(jax.random.key(1), inputs.pairs, inputs.given_share)
+    near = np.asarray(jax.jit(near_starts)(jax.random.key(2), drawn))
     np.testing.assert_array_equal(near % 2, np.asarray(inputs.pairs.worker_first) % 2)
     np.testing.assert_array_equal(near < 32, np.asarray(inputs.pairs.worker_first) < 32)
     assert LONGEST_WALK >= 1
@@ -125,10 +132,8 @@ def test_near_starts_are_a_few_actions_from_the_target(prepared):
 @pytest.mark.parametrize("told", [True, False])
 def test_only_agents_that_are_told_stop_at_targets(prepared, told):
     _, inputs, _ = prepared
-    inputs = dataclasses.replace(
-        inputs, targets=dataclasses.replace(inputs.targets, told=jnp.asarray(told), collision=jnp.float32(-3.0))
-    )
-    drawn = drawing(jax.random.key(1), inputs.pairs, inputs.targets, inputs.given_share)
+    inputs = dataclasses.replace(inputs, told=jnp.asarray(told), collision=jnp.float32(-3.0))
+    drawn = drawing(jax.random.key(1), inputs.pairs, inputs.given_share)
     steps = walking(jax.random.key(2), jnp.zeros((80, 4)), inputs, drawn, 60)
     reached = np.asarray(drawn.arrived)[steps.next_pair]
     assert reached.any()
@@ -185,7 +190,8 @@ def test_initial_values_are_distances():
     settings = dataclasses.replace(SETTINGS, initialisation="distance", width=16)
     state, inputs, form = prepare_imagined(jax.random.key(0), imagining(), settings)
     targets = jnp.asarray([[3, 8], [20, 5]], jnp.int32)
-    value = np.asarray(tabulated(form.network, state.parameters, inputs.world, inputs.pairs, targets).value)
+    drawn = drawn_as(inputs, targets)
+    value = np.asarray(tabulated(form.network, state.parameters, inputs.world, inputs.pairs, drawn).value)
     at_target = [3 * 2, 8 * 2 + 1, 32 + 20 * 2, 32 + 5 * 2 + 1]
     np.testing.assert_allclose(value[at_target], 0.0, atol=1e-6)
     assert (np.delete(value, at_target) < 0).all()
