@@ -12,6 +12,7 @@ A page says where a table belongs, and which, between two comments:
     <!-- table: rooms unseen many-rooms -->         success in unseen rooms against the number of training rooms
     <!-- table: search -->                          the mapping agent in unseen rooms
     <!-- table: ranks -->                           ranks of targets by predicted reward
+    <!-- table: variants regularisation -->        a base and its variants, with their changes on new targets
     <!-- table: peers -->                           speed of every part beside another library
     <!-- table: gpu -->                             frames per second of trainings on a GPU
     <!-- table: maps map-vizdoom -->                the mapping agent in unseen recorded maps
@@ -32,11 +33,13 @@ from relm_irl_jax.report.intervals import MeanInterval
 from relm_irl_jax.report.names import TASK_NAMES, in_order, method_name
 from relm_irl_jax.report.tables import MEAN, paper_value
 from relm_irl_jax.results import PREDICTED, TASKS
+from relm_irl_jax.studies.ablation import BASE, METRICS, load_ablation
 from relm_irl_jax.studies.page import RUN_TITLES
 from relm_irl_jax.studies.search_page import maps_table, saved_rows, search_table
 
 ROOT = Path(__file__).parents[1]
 TABLES = ROOT / "docs" / "tables"
+PRESETS = ROOT / "experiments" / "paper"
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
 
 BLOCK = re.compile(r"(<!-- table: ([a-z-]+)((?: [\w-]+)*) -->\n).*?(<!-- /table -->)", re.DOTALL)
@@ -81,11 +84,13 @@ def written(page: str) -> str:
     return BLOCK.sub(table, page)
 
 
-def _intervals(table: str, *keys: str) -> Iterator[tuple[tuple[str, ...], MeanInterval]]:
+def _intervals(
+    table: str, *keys: str, columns: tuple[str, str] = ("mean", "half_width")
+) -> Iterator[tuple[tuple[str, ...], MeanInterval]]:
     """The means and intervals of a committed table, each with the values of some columns."""
     rows = read_table(TABLES / table)
     for key, mean, half_width in zip(
-        zip(*(rows[column] for column in keys), strict=True), rows["mean"], rows["half_width"], strict=True
+        zip(*(rows[column] for column in keys), strict=True), *(rows[column] for column in columns), strict=True
     ):
         yield key, MeanInterval(float(mean), float(half_width))
 
@@ -184,6 +189,24 @@ def _ranks() -> list[str]:
     return lines
 
 
+def _variants(name: str) -> list[str]:
+    """A base and its variants: ranks, Task I, and Task II with changes from the base."""
+    study = load_ablation(PRESETS / f"{name}.toml")
+    keys = ("agent", "variant", "task", "metric")
+    values = dict(_intervals(f"{name}.csv", *keys))
+    changes = dict(_intervals(f"{name}.csv", *keys, columns=("change", "change_half_width")))
+    lines = ["| Agent | | Task I: SR | SPL | Task II: SR | change | Task II: SPL | change |"]
+    lines.append("|---|---|" + "---:|" * 6)
+    for agent, variant in dict.fromkeys(key[:2] for key in values):
+        title = study.title if variant == BASE else study.variants[variant].title
+        cells = [str(values[agent, variant, "I", metric]) for metric in METRICS]
+        for metric in METRICS:
+            change = changes[agent, variant, "II", metric]
+            cells += [str(values[agent, variant, "II", metric]), "" if variant == BASE else markdown_difference(change)]
+        lines.append(f"| {agent} | {title} | " + " | ".join(cells) + " |")
+    return lines
+
+
 def _peers() -> list[str]:
     """Rates of this package and of the peer, and their ratio."""
     rows = read_table(TABLES / "speed-peers.csv")
@@ -227,6 +250,7 @@ KINDS: dict[str, Callable[..., list[str]]] = {
     "rooms": _rooms,
     "search": _search,
     "ranks": _ranks,
+    "variants": _variants,
     "peers": _peers,
     "gpu": _gpu,
     "maps": _maps,

@@ -66,6 +66,7 @@ class Ablation:
         agents: further fields of the base for each agent, such as its frames.
         method: the method whose metrics are compared, where a variant does not name another.
         tasks: the tasks that are evaluated.
+        title: description of the base, for the table.
     """
 
     base: dict[str, Any]
@@ -73,6 +74,7 @@ class Ablation:
     agents: dict[AgentName, dict[str, Any]] = field(default_factory=dict)
     method: Method = "relm-irl"
     tasks: tuple[Task, ...] = TASKS
+    title: str = "base"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -216,7 +218,7 @@ def ablation_rows(ablation: Ablation, changes: Mapping[str, Any], folder: Path) 
             }
             if name == BASE:
                 base = values_by_seed
-            title = "base" if name == BASE else ablation.variants[name].title
+            title = ablation.title if name == BASE else ablation.variants[name].title
             value = {key: mean_interval(list(seeds.values())) for key, seeds in values_by_seed.items()}
             change = {
                 key: paired_difference(seeds, base[key])[0] for key, seeds in values_by_seed.items() if name != BASE
