@@ -12,7 +12,9 @@ A page says where a table belongs, and which, between two comments:
     <!-- table: rooms unseen many-rooms -->         success in unseen rooms against the number of training rooms
     <!-- table: search -->                          the mapping agent in unseen rooms
     <!-- table: ranks -->                           ranks of targets by predicted reward
-    <!-- table: variants regularisation -->        a base and its variants, with their changes on new targets
+    <!-- table: variants ablation metric -->       a base and its variants, of all agents or those named
+    <!-- table: selections -->                      accuracy of several ways to select neurons
+    <!-- table: stability -->                       how stable reward weights are
     <!-- table: peers -->                           speed of every part beside another library
     <!-- table: gpu -->                             frames per second of trainings on a GPU
     <!-- table: maps map-vizdoom -->                the mapping agent in unseen recorded maps
@@ -30,11 +32,12 @@ from relm_irl_jax.benchmarks.rows import three_digits
 from relm_irl_jax.files import read_table, write_bytes
 from relm_irl_jax.report.comparison import BASELINES, markdown_difference
 from relm_irl_jax.report.intervals import MeanInterval
-from relm_irl_jax.report.names import TASK_NAMES, in_order, method_name
+from relm_irl_jax.report.names import TASK_NAMES, in_order, method_name, metric_name
 from relm_irl_jax.report.tables import MEAN, paper_value
 from relm_irl_jax.results import PREDICTED, TASKS
 from relm_irl_jax.studies.ablation import BASE, METRICS, load_ablation
 from relm_irl_jax.studies.page import RUN_TITLES
+from relm_irl_jax.studies.reward_tables import selections_table, stability_table
 from relm_irl_jax.studies.search_page import maps_table, saved_rows, search_table
 
 ROOT = Path(__file__).parents[1]
@@ -61,10 +64,18 @@ def copy_tables(study: Path) -> None:
     for name in ("map", "map-vizdoom"):
         for path in (study / name).glob("*.csv"):
             shutil.copyfile(path, TABLES / name / path.name)
-    if (path := study / "reward-ranks" / "reward-ranks.csv").is_file():
-        shutil.copyfile(path, TABLES / path.name)
-    if (path := study / "peers" / "peers.csv").is_file():
-        shutil.copyfile(path, TABLES / "speed-peers.csv")
+    for path, name in SINGLE.items():
+        if (study / path).is_file():
+            shutil.copyfile(study / path, TABLES / name)
+
+
+SINGLE = {
+    "reward-ranks/reward-ranks.csv": "reward-ranks.csv",
+    "elm/choices.csv": "elm-selections.csv",
+    "stability/stability.csv": "stability.csv",
+    "peers/peers.csv": "speed-peers.csv",
+}
+"""Single tables of a study, and their names in `docs/tables`."""
 
 
 def written(page: str) -> str:
@@ -189,20 +200,27 @@ def _ranks() -> list[str]:
     return lines
 
 
-def _variants(name: str) -> list[str]:
-    """A base and its variants: ranks, Task I, and Task II with changes from the base."""
+def _variants(name: str, *agents: str) -> list[str]:
+    """Values of a base and its variants, in brackets their change, bold where its interval excludes zero."""
     study = load_ablation(PRESETS / f"{name}.toml")
     keys = ("agent", "variant", "task", "metric")
     values = dict(_intervals(f"{name}.csv", *keys))
     changes = dict(_intervals(f"{name}.csv", *keys, columns=("change", "change_half_width")))
-    lines = ["| Agent | | Task I: SR | SPL | Task II: SR | change | Task II: SPL | change |"]
-    lines.append("|---|---|" + "---:|" * 6)
-    for agent, variant in dict.fromkeys(key[:2] for key in values):
+    ranks = dict(_intervals(f"{name}.csv", "agent", "variant", columns=("rank", "rank_half_width")))
+    shown = [key for key in ranks if not agents or key[0] in agents]
+    ranked = not all(math.isnan(ranks[key].mean) for key in shown)
+    columns = [(task, metric) for task in ("I", "II") for metric in METRICS]
+    headings = ["Agent", "", *(["Rank"] if ranked else [])]
+    headings += [f"Task {task}: {metric_name(metric)}" for task, metric in columns]
+    lines = ["| " + " | ".join(headings) + " |", "|---|---|" + "---:|" * (len(headings) - 2)]
+    for agent, variant in shown:
         title = study.title if variant == BASE else study.variants[variant].title
-        cells = [str(values[agent, variant, "I", metric]) for metric in METRICS]
-        for metric in METRICS:
-            change = changes[agent, variant, "II", metric]
-            cells += [str(values[agent, variant, "II", metric]), "" if variant == BASE else markdown_difference(change)]
+        rank = ranks[agent, variant]
+        cells = ["" if math.isnan(rank.mean) else f"{rank:.1f}"] if ranked else []
+        for column in columns:
+            value = values[agent, variant, *column]
+            change = f"{value.mean:.2f} ({markdown_difference(changes[agent, variant, *column])})"
+            cells.append(str(value) if variant == BASE else change)
         lines.append(f"| {agent} | {title} | " + " | ".join(cells) + " |")
     return lines
 
@@ -251,6 +269,8 @@ KINDS: dict[str, Callable[..., list[str]]] = {
     "search": _search,
     "ranks": _ranks,
     "variants": _variants,
+    "selections": lambda: selections_table(TABLES / "elm-selections.csv"),
+    "stability": lambda: stability_table(TABLES / "stability.csv"),
     "peers": _peers,
     "gpu": _gpu,
     "maps": _maps,

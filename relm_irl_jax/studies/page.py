@@ -9,14 +9,14 @@ from joblib import Parallel, delayed
 
 from relm_irl_jax.config import config_from_dict, read_fields
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.files import read_numbers, read_table, write_table
+from relm_irl_jax.files import read_numbers, write_table
 from relm_irl_jax.report.comparison import PairedDifference, differences, statement
 from relm_irl_jax.report.figures import save_figure
-from relm_irl_jax.report.intervals import MeanInterval
 from relm_irl_jax.report.run_report import circumstances, run_sections, write_page
 from relm_irl_jax.results import load_all_results
 from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.studies.ablation import AblationRow, ablation_columns, ablation_table
+from relm_irl_jax.studies.reward_tables import selections_table, stability_table
 from relm_irl_jax.studies.rooms_figure import rooms_figure
 from relm_irl_jax.studies.search_page import maps_section, search_section
 
@@ -194,20 +194,8 @@ def _regressor(out: Path) -> list[str]:
         "Pairs of one target have the same weights. Leaving out one pair at a time, as in the paper, does not estimate "
         "the error for new targets; leaving out all pairs of a target does.",
         "",
-        "| Selection | R² on held-out targets | Neurons kept |",
-        "|---|---:|---:|",
-        *_choices(out / "elm" / "choices.csv"),
+        *selections_table(out / "elm" / "choices.csv"),
         "",
-    ]
-
-
-def _choices(path: Path) -> list[str]:
-    """Accuracy of several methods to select neurons, as rows of a table."""
-    columns = ["accuracy", "accuracy_half_width", "kept", "kept_half_width"]
-    rows = zip(*(column.tolist() for column in read_numbers(path, columns).values()), strict=True)
-    return [
-        f"| {choice} | {MeanInterval(accuracy, accuracy_error)} | {MeanInterval(kept, kept_error):,.0f} |"
-        for choice, (accuracy, accuracy_error, kept, kept_error) in zip(read_table(path)["choice"], rows, strict=True)
     ]
 
 
@@ -247,18 +235,15 @@ def _tables_by_agent(rows: Sequence[AblationRow]) -> list[str]:
 
 def _stability(out: Path) -> list[str]:
     """The stability of reward weights."""
-    if not (out / "stability" / "stability.csv").exists():
+    path = out / "stability" / "stability.csv"
+    if not path.exists():
         return []
-    table = read_table(out / "stability" / "stability.csv")
-    columns = list(table)
     return [
         "## Stability of reward weights",
         "",
         "Relative change of w for single trajectories in one room, if the start moves by one step and if every margin "
         "changes by a thousandth, and the share of the linear program's objective that the solutions reach.",
         "",
-        "| " + " | ".join(name.replace("_", " ") for name in columns) + " |",
-        "|---|---|" + "---:|" * (len(columns) - 2),
-        *("| " + " | ".join(row) + " |" for row in zip(*table.values(), strict=True)),
+        *stability_table(path),
         "",
     ]
