@@ -16,7 +16,8 @@ A page says where a table belongs, and which, between two comments:
     <!-- table: selections -->                      accuracy of several ways to select neurons
     <!-- table: stability -->                       how stable reward weights are
     <!-- table: peers -->                           speed of every part beside another library
-    <!-- table: gpu -->                             frames per second of trainings on a GPU
+    <!-- table: trainings gpu -->                   frames per second of all agents' trainings
+    <!-- table: scaling -->                         an update on several virtual devices
     <!-- table: maps map-vizdoom -->                the mapping agent in unseen recorded maps
     <!-- /table -->
 """
@@ -67,6 +68,9 @@ def copy_tables(study: Path) -> None:
     for path, name in SINGLE.items():
         if (study / path).is_file():
             shutil.copyfile(study / path, TABLES / name)
+    if (path := study / "trainings" / "trainings.csv").is_file():
+        on_cpu = read_table(path)["computer"][0].endswith("on cpu")
+        shutil.copyfile(path, TABLES / f"speed-trainings-{'cpu' if on_cpu else 'gpu'}.csv")
 
 
 SINGLE = {
@@ -74,6 +78,7 @@ SINGLE = {
     "elm/choices.csv": "elm-selections.csv",
     "stability/stability.csv": "stability.csv",
     "peers/peers.csv": "speed-peers.csv",
+    "scaling/scaling.csv": "speed-scaling.csv",
 }
 """Single tables of a study, and their names in `docs/tables`."""
 
@@ -236,9 +241,20 @@ def _peers() -> list[str]:
     return [f"{rows['computer'][0]}:", "", *lines]
 
 
-def _gpu() -> list[str]:
-    """Trainings on a GPU."""
-    rows = read_table(TABLES / "gpu.csv")
+def _scaling() -> list[str]:
+    """Updates on several virtual devices."""
+    rows = read_table(TABLES / "speed-scaling.csv")
+    measured = zip(*([float(x) for x in rows[name]] for name in ("devices", "workers", "update_seconds")), strict=True)
+    lines = ["| Devices | Workers | Update | Ratio |", "|---:|---:|---:|---:|"]
+    one = float(rows["update_seconds"][0]) / float(rows["devices"][0])
+    for devices, workers, seconds in measured:
+        lines.append(f"| {devices:.0f} | {workers:.0f} | {1e3 * seconds:.0f} ms | {seconds / (one * devices):.2f} |")
+    return lines
+
+
+def _trainings(device: str) -> list[str]:
+    """Trainings of all agents on a kind of device."""
+    rows = read_table(TABLES / f"speed-trainings-{device}.csv")
     lines = [
         "| Agent, method | Workers | Frames/s | Frames | Seconds | Compiling and first frames, in seconds |",
         "|---|---:|---:|---:|---:|---:|",
@@ -253,7 +269,7 @@ def _gpu() -> list[str]:
             f"{float(first):.0f}",
         )
         lines.append(f"| {agent}, {method_name(method)} | " + " | ".join(cells) + " |")
-    return lines
+    return [f"{rows['computer'][0]}:", "", *lines]
 
 
 def _maps(name: str) -> list[str]:
@@ -272,7 +288,8 @@ KINDS: dict[str, Callable[..., list[str]]] = {
     "selections": lambda: selections_table(TABLES / "elm-selections.csv"),
     "stability": lambda: stability_table(TABLES / "stability.csv"),
     "peers": _peers,
-    "gpu": _gpu,
+    "trainings": _trainings,
+    "scaling": _scaling,
     "maps": _maps,
 }
 """What fills a table, by kind."""

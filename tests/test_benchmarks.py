@@ -1,13 +1,19 @@
 """Programs that benchmarks time do what they are said to do."""
 
+from types import SimpleNamespace
+
 import jax
 import numpy as np
 from tiny import problem
 
 from relm_irl_jax.agents.settings import SiameseSettings
+from relm_irl_jax.benchmarks import trainings
 from relm_irl_jax.benchmarks.environment import STEPS, environment_program
 from relm_irl_jax.benchmarks.peers import compare
 from relm_irl_jax.benchmarks.plain_a2c import plain_program
+from relm_irl_jax.config import Config
+from relm_irl_jax.stages.training import SeedInputs
+from relm_irl_jax.tasks import TaskSplit
 
 
 def test_the_environment_alone_ends_and_starts_episodes():
@@ -33,3 +39,22 @@ def test_a_ratio_is_ours_divided_by_theirs():
     row = compare("part", "peer", "steps", 30.0, 10.0)
     assert row.ratio == 3.0
     assert "cores" in row.computer
+
+
+def test_the_rate_of_a_training_leaves_out_the_first_chunk(monkeypatch):
+    """Chunks of 40 frames that end after 5, 7 and 8 seconds."""
+
+    def train(key, problem, log):
+        assert problem == (600, "rl")
+        for chunk in (1, 2, 3):
+            log.add({}, [{"frames": 40.0 * number} for number in range(1, chunk + 1)])
+
+    ends = iter((100.0, 105.0, 107.0, 108.0))
+    monkeypatch.setattr(trainings, "time", SimpleNamespace(perf_counter=lambda: next(ends)))
+    monkeypatch.setattr(trainings, "make_agent", lambda config, method: SimpleNamespace(train=train))
+    monkeypatch.setattr(trainings, "training_problem", lambda config, method, *_: (config.training_frames, method))
+    case = trainings.Case("siamese", "rl", 600, 600, {"siamese": {"workers": 8}})
+    row = trainings.measure(case, Config(), SeedInputs(0, (), TaskSplit((), (), (), ()), None))
+    assert (row.agent, row.workers, row.frames) == ("siamese", 8, 120)
+    assert (row.first_chunk_seconds, row.other_chunks_seconds) == (5.0, 3.0)
+    assert row.frames_per_second == round(80 / 3)
