@@ -18,6 +18,7 @@ script that calls `main` within `joblib.parallel_config` can spread them over a 
 """
 
 import sys
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -39,6 +40,7 @@ from relm_irl_jax.progress import console
 from relm_irl_jax.studies.ablation import ablation_rows, load_ablation, run_ablation
 from relm_irl_jax.studies.page import RUN_TITLES, STUDY_TEXTS, write_study
 from relm_irl_jax.studies.study import complete_run, complete_runs, load_preset
+from relm_irl_jax.studies.times import load_times, timed
 
 PRESETS = Path(__file__).parent / "paper"
 QUICK = PRESETS / "quick.toml"
@@ -109,34 +111,56 @@ def main(settings: Paper) -> Path:
         raise InputError(f"variants: there is no {unknown[0]}; known variants: {', '.join(known)}.")
     changes = read_fields(QUICK) if settings.quick else {}
     chosen = [name for name in RUN_TITLES if name in settings.pieces]
+    times = out / "tables" / "times.csv"
     with parallel_config(n_jobs=settings.jobs) if settings.jobs > 1 else nullcontext():
         runs = [replace(load_preset(PRESETS / f"{name}.toml", overlays), run=out / name) for name in chosen]
-        complete_runs(runs, complete_run)
+        if runs:
+            with timed(times, ", ".join(chosen)):
+                complete_runs(runs, complete_run)
         for name, study in studies.items():
             if name in settings.pieces:
                 variants = [n for n, variant in study.variants.items() if variant.quick or not settings.quick]
                 if name == "ablation" and settings.variants:
                     variants = list(settings.variants)
-                run_ablation(study, variants, changes, out / name)
-    config = load_preset(PRESETS / "siamese.toml", overlays)
-    if "elm" in settings.pieces:
-        sizes = tuple(size for size in PAPER_SIZES if size <= 5 * config.elm.hidden)
-        elm_ablation.main(elm_ablation.Ablation(out / "elm", config.seeds, sizes, config))
-    if "stability" in settings.pieces and not (out / "stability" / "stability.csv").exists():
-        walks = 4 if settings.quick else irl_stability.Study.trajectories
-        irl_stability.main(irl_stability.Study(out / "stability", trajectories=walks, config=config))
-    if "reward-ranks" in settings.pieces:
-        shown = ("random-order",) if settings.quick else ()
-        reward_ranks.main(reward_ranks.Study(out / "reward-ranks", min(config.seeds, 3), shown, config))
-    if "map" in settings.pieces:
-        search_study.main(load_preset(PRESETS / "map.toml", overlays), out / "map", quick=settings.quick)
-    if "map-vizdoom" in settings.pieces:
-        search_study.maps(load_preset(PRESETS / "map-vizdoom.toml", overlays), out / "map-vizdoom")
+                with timed(times, name):
+                    run_ablation(study, variants, changes, out / name)
+    for name, run in _other_pieces(settings, overlays, out).items():
+        if name in settings.pieces:
+            with timed(times, name):
+                run()
     rows = {name: ablation_rows(study, changes, out / name) for name, study in studies.items()}
     with parallel_config(n_jobs=settings.jobs) if settings.jobs > 1 else nullcontext():
         path = write_study(out, rows).with_suffix(".html")
+    minutes = sum(load_times(times).values()) / 60
+    console.print(f"All pieces so far took {minutes:,.0f} minutes.", highlight=False)
     console.print(f"Report: {path}", highlight=False, soft_wrap=True)
     return path
+
+
+def _other_pieces(settings: Paper, overlays: Sequence[Path], out: Path) -> dict[Piece, Callable[[], object]]:
+    """The pieces that are neither one run nor a base with variants."""
+    config = load_preset(PRESETS / "siamese.toml", overlays)
+
+    def elm() -> None:
+        sizes = tuple(size for size in PAPER_SIZES if size <= 5 * config.elm.hidden)
+        elm_ablation.main(elm_ablation.Ablation(out / "elm", config.seeds, sizes, config))
+
+    def stability() -> None:
+        if not (out / "stability" / "stability.csv").exists():
+            walks = 4 if settings.quick else irl_stability.Study.trajectories
+            irl_stability.main(irl_stability.Study(out / "stability", trajectories=walks, config=config))
+
+    def ranks() -> None:
+        shown = ("random-order",) if settings.quick else ()
+        reward_ranks.main(reward_ranks.Study(out / "reward-ranks", min(config.seeds, 3), shown, config))
+
+    def search() -> None:
+        search_study.main(load_preset(PRESETS / "map.toml", overlays), out / "map", quick=settings.quick)
+
+    def maps() -> None:
+        search_study.maps(load_preset(PRESETS / "map-vizdoom.toml", overlays), out / "map-vizdoom")
+
+    return {"elm": elm, "stability": stability, "reward-ranks": ranks, "map": search, "map-vizdoom": maps}
 
 
 if __name__ == "__main__":

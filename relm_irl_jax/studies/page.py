@@ -19,6 +19,7 @@ from relm_irl_jax.studies.ablation import AblationRow, ablation_columns, ablatio
 from relm_irl_jax.studies.reward_tables import selections_table, stability_table
 from relm_irl_jax.studies.rooms_figure import rooms_figure
 from relm_irl_jax.studies.search_page import maps_section, search_section
+from relm_irl_jax.studies.times import times_table
 
 P = ParamSpec("P")
 
@@ -115,6 +116,8 @@ def write_study(out: Path, studies: Mapping[str, Sequence[AblationRow]]) -> Path
     text += _readable(search_section, out / "map")
     text += _readable(maps_section, out / "map-vizdoom")
     text += ["Runs share learned rewards; the time to learn them is counted in the first run only.", ""]
+    if times := times_table(out / "tables" / "times.csv"):
+        text += ["## Time", "", "Of all calls of the command, with what was repeated.", "", *times, ""]
     for name, folder in runs.items():
         text += [f"## Hardware and configuration: {RUN_TITLES[name]}", "", *_readable(circumstances, folder, "###")]
     return write_page(text, out)
