@@ -42,5 +42,8 @@ def stability_table(path: Path) -> list[str]:
     return [
         "| " + " | ".join(name.replace("_", " ") for name in table) + " |",
         "|---|---|" + "---:|" * (len(table) - 2),
-        *("| " + " | ".join(row) + " |" for row in zip(*table.values(), strict=True)),
+        *(
+            "| " + " | ".join((form, variant, *(f"{float(number):.3g}" for number in numbers))) + " |"
+            for form, variant, *numbers in zip(*table.values(), strict=True)
+        ),
     ]
