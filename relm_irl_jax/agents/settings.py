@@ -61,11 +61,9 @@ class SiameseSettings:
     imagined_targets: PositiveInt = 1000
     """Largest number of imagined targets of each scene."""
     scenes_at_once: PositiveInt = 6
-    """Largest number of scenes in an update with imagined targets. Of more training scenes, an update draws one of each
-    of as many classes of similar size. In 60 rooms, 24 scenes with one target each find no more than six with four
-    (RELM-IRL's success in unseen rooms .36 and .35, one seed), and take several times as long."""
+    """Largest number of scenes in an update with imagined targets; of more, it draws some, of similar sizes each."""
     targets_at_once: PositiveInt = 4
-    """Imagined or given targets of each scene in such an update, which evaluates each of them with all states."""
+    """Targets of each scene in an update, which evaluates each of them with all states."""
     given_share: UnitInterval = 0.25
     """Share of given targets among those of an update. With `reward-alone`, nothing tells of arrivals there either, and
     fewer draws do not suffice (success on Task I 0.98 with 0.25, 0.87 with 0.1; one seed). With `told`, 0.1 does, and
