@@ -30,10 +30,10 @@ class SiameseSettings:
     distribution on ±1/√inputs (`uniform`), whose smaller activations suit the original step size, or He's with a fusion
     layer and values that begin as a distance between the two views (`distance`), which many targets need."""
     heads: Literal["room_type", "shared", "scene"] = "shared"
-    """Which scenes share the last hidden layer, the policy and the value. With `scene`, as in the original agent, scenes
-    that were not trained have none."""
+    """Which scenes share the last hidden layer, the policy and the value. With `scene`, as
+    in the original agent, scenes that were not trained have none."""
     workers: PositiveInt = 1024
-    """Workers that step in lockstep, divided evenly among the heads."""
+    """Workers in lockstep, divided evenly among the heads."""
     t_max: PositiveInt = 10
     """Steps of each worker in an update (the paper's t_max)."""
     discount: Discount = 0.95
@@ -63,7 +63,7 @@ class SiameseSettings:
     scenes_at_once: PositiveInt = 6
     """Scenes of an update with imagined targets, at most."""
     targets_at_once: PositiveInt = 4
-    """Targets of each of these scenes, evaluated with all its states."""
+    """Targets of each of these scenes in the update."""
     given_share: UnitInterval = 0.25
     """Share of given targets among those of an update. With `reward-alone`, nothing tells of arrivals there either, and
     fewer draws do not suffice (success on Task I 0.98 with 0.25, 0.87 with 0.1; one seed). With `told`, 0.1 does, and
