@@ -21,6 +21,19 @@ from relm_irl_jax.types import Parameters
 from relm_irl_jax.world import World
 
 
+def first_pairs(classes: tuple[SizeClass, ...], at_once: int) -> tuple[int, ...]:
+    """First pair of each class.
+
+    Args:
+        classes: scenes of similar size.
+        at_once: targets of each drawn scene.
+
+    Returns:
+        The first pairs, and the number of all pairs.
+    """
+    return tuple(int(state) * at_once for state in np.cumsum([0, *(one.n_states for one in classes)]))
+
+
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class DrawnPairs:
@@ -41,7 +54,7 @@ class DrawnPairs:
     @property
     def first_pair(self) -> tuple[int, ...]:
         """First pair of each class, and the number of all pairs."""
-        return tuple(int(state) * self.at_once for state in np.cumsum([0, *(one.n_states for one in self.classes)]))
+        return first_pairs(self.classes, self.at_once)
 
 
 @jax.tree_util.register_dataclass
@@ -94,7 +107,7 @@ def drawn_pairs(classes: tuple[SizeClass, ...], at_once: int, workers: int) -> D
     """
     states = np.asarray([np.mean(one.size) for one in classes])
     of_target = [max(1, round(workers * mean / states.sum() / at_once)) for mean in states]
-    first_pair = np.cumsum([0, *(one.n_states for one in classes)])[:-1] * at_once
+    first_pair = first_pairs(classes, at_once)[:-1]
     firsts = [np.tile(first + np.arange(at_once), n) for first, n in zip(first_pair, of_target, strict=True)]
     return DrawnPairs(
         classes=classes,
@@ -119,8 +132,8 @@ def draw_targets(key: PRNGKeyArray, pairs: DrawnPairs, given_share: Float32[Arra
     in_world, targets, successors, rewards, arrived, sizes = [], [], [], [], [], []
     keys = jax.random.split(key, len(pairs.classes))
     for number, one in enumerate(pairs.classes):
-        drawn = jax.random.randint(jax.random.fold_in(keys[number], 0), (), 0, one.n_scenes) if one.n_scenes > 1 else 0
-        given_key, row_key = jax.random.split(keys[number])
+        given_key, row_key, scene_key = jax.random.split(keys[number], 3)
+        drawn = jax.random.randint(scene_key, (), 0, one.n_scenes) if one.n_scenes > 1 else 0
         trained, size = one.trained[drawn], one.size[drawn]
         given = (jax.random.uniform(given_key, (at_once,)) < given_share) & (trained > 0)
         row = jax.random.randint(row_key, (at_once,), 0, jnp.where(given, trained, one.targets[drawn]))
