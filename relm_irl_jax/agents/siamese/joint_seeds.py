@@ -15,6 +15,7 @@ import jax.numpy as jnp
 from jaxtyping import PRNGKeyArray
 
 from relm_irl_jax.agents.heads import worker_target_ranges
+from relm_irl_jax.agents.padding import pad_and_stack
 from relm_irl_jax.agents.rollout import EpisodeSums
 from relm_irl_jax.agents.settings import SiameseSettings
 from relm_irl_jax.agents.siamese.training import (
@@ -50,9 +51,7 @@ def stack_padded(trees: Sequence[Any]) -> list[jax.Array]:
     def stack(arrays: Sequence[jax.Array]) -> jax.Array:
         if len({array.shape for array in arrays}) == 1:
             return jnp.stack(arrays)
-        longest = [max(sizes) for sizes in zip(*(array.shape for array in arrays), strict=True)]
-        padding = ([(0, n - size) for n, size in zip(longest, array.shape, strict=True)] for array in arrays)
-        return jnp.stack([jnp.pad(array, pad) for array, pad in zip(arrays, padding, strict=True)])
+        return pad_and_stack(arrays)
 
     return [stack(arrays) for arrays in zip(*map(jax.tree.leaves, trees), strict=True)]
 

@@ -8,7 +8,6 @@ In 60 rooms, 24 scenes with one target each find no more than six with four, the
 rooms .36 and .35, one seed), and take several times as long.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import jax
@@ -16,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float32, Int, Int32
 
+from relm_irl_jax.agents.padding import pad_and_stack
 from relm_irl_jax.rewards.imagined import ImaginedTargets
 from relm_irl_jax.world import World
 
@@ -103,21 +103,12 @@ def size_classes(
         return SizeClass(
             first_state=jnp.asarray(first_state[scenes], jnp.int32),
             size=jnp.asarray(sizes[scenes], jnp.int32),
-            successor=_stack([successor[number] for number in scenes]),
-            target=_stack([targets.state[number] for number in scenes]),
+            successor=pad_and_stack([successor[number] for number in scenes]),
+            target=pad_and_stack([targets.state[number] for number in scenes]),
             trained=jnp.stack([targets.trained[number] for number in scenes]),
             targets=jnp.asarray([len(targets.state[number]) for number in scenes], jnp.int32),
-            reward=_stack([targets.reward[number] for number in scenes]),
+            reward=pad_and_stack([targets.reward[number] for number in scenes]),
             head=int(scene_head[scenes[0]]),
         )
 
     return tuple(of_class(scenes) for scenes in divide_by_size(sizes, scene_head, at_once))
-
-
-def _stack(arrays: Sequence[Array | np.ndarray]) -> Array:
-    """Stack arrays on a new first axis; smaller ones are padded with zeros at their ends."""
-    shape = [max(sizes) for sizes in zip(*(array.shape for array in arrays), strict=True)]
-    stacked = np.zeros((len(arrays), *shape), arrays[0].dtype)
-    for row, array in zip(stacked, arrays, strict=True):
-        row[tuple(map(slice, array.shape))] = array
-    return jnp.asarray(stacked)
