@@ -99,6 +99,8 @@ class MetricSettings:
     """Workers that step in lockstep, divided evenly among the scenes."""
     t_max: PositiveInt = 16
     """Steps of each worker in an update."""
+    scenes_at_once: PositiveInt = 6
+    """Scenes whose distances an update learns, at most; with more training scenes, others are drawn for each update."""
     states: PositiveInt = 64
     """States of each scene that an update draws."""
     goals: PositiveInt = 128

@@ -12,7 +12,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float64, PRNGKeyArray
 
-from relm_irl_jax.agents.metric.costs_to_go import CostsToGo, SceneStates, compute_costs_to_go, unknown_costs
+from relm_irl_jax.agents.metric.costs_to_go import (
+    CostsToGo,
+    SceneStates,
+    compute_costs_to_go,
+    scenes_by_size,
+    unknown_costs,
+)
 from relm_irl_jax.agents.metric.experience_graph import coverage, empty_graph, one_way_transitions
 from relm_irl_jax.agents.metric.loss import Losses, LossForm, LossInputs, LossWeights
 from relm_irl_jax.agents.metric.network import DistanceForm, Embeddings, MetricNetwork, embed
@@ -79,7 +85,8 @@ def update_form(settings: MetricSettings) -> UpdateForm:
         )
     distance = DistanceForm(settings.groups, settings.symmetric)
     network = MetricNetwork(settings.width, settings.dimension)
-    return UpdateForm(network, LossForm(settings.states, settings.goals, distance), settings.t_max)
+    loss = LossForm(settings.states, settings.goals, distance)
+    return UpdateForm(network, loss, settings.t_max, settings.scenes_at_once)
 
 
 def scene_states(world: World) -> SceneStates:
@@ -186,6 +193,7 @@ class MetricAgent:
             chunks.count * chunks.updates,
         )
         scenes = inputs.loss.scenes
+        by_size = scenes_by_size(scenes, goals)
         reachable = jnp.asarray(reachable_states(world, problem.targets))
 
         def chunk(carry: tuple[TrainState, CostsToGo, Array], number: int):
@@ -198,7 +206,7 @@ class MetricAgent:
                     raise InputError(
                         "metric.symmetric: some step cannot be undone by one action in these scenes; set it to false."
                     )
-                costs = compute_costs_to_go(state.graph, world, goals, scenes, settings.counts)
+                costs = compute_costs_to_go(state.graph, world, goals, scenes, settings.counts, by_size)
             row = learning_row(sums, number, chunks) | {
                 "states_visited": float(visited),
                 "actions_tried": float(tried),

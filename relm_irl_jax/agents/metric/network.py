@@ -89,7 +89,7 @@ class MetricNetwork(nn.Module):
         return Embeddings(state, state[..., None, :] + moves)
 
 
-def embed(network: MetricNetwork, parameters: Parameters, features: Float32[Array, "views feature"]) -> Embeddings:
+def embed(network: MetricNetwork, parameters: Parameters, features: Float32[Array, "*views feature"]) -> Embeddings:
     """Apply the network.
 
     Args:

@@ -9,6 +9,7 @@ import optax
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float32, PRNGKeyArray
 
+from relm_irl_jax.agents.metric.drawn_scenes import draw_scenes
 from relm_irl_jax.agents.metric.experience_graph import (
     ExperienceGraph,
     add_transitions,
@@ -33,11 +34,13 @@ class UpdateForm:
         network: the network.
         loss: the loss's static part.
         t_max: steps of each worker.
+        scenes_at_once: scenes whose distances an update learns, at most.
     """
 
     network: MetricNetwork
     loss: LossForm
     t_max: int
+    scenes_at_once: int
 
 
 @jax.tree_util.register_dataclass
@@ -113,8 +116,8 @@ def make_optimizer(numbers: OptimizerNumbers) -> optax.GradientTransformation:
 def update(state: TrainState, inputs: UpdateInputs, form: UpdateForm) -> tuple[TrainState, tuple[EpisodeSums, Losses]]:
     """Act t_max steps with every worker, then take one gradient step.
 
-    Workers explore if they can reach an untried action, and follow the policy otherwise. The embeddings of all views
-    are computed once, for both acting and learning.
+    Workers explore if they can reach an untried action, and follow the policy otherwise. Where an update learns from
+    all scenes, the embeddings of all views are computed once, for both acting and learning.
 
     Args:
         state: the state of training.
@@ -125,23 +128,31 @@ def update(state: TrainState, inputs: UpdateInputs, form: UpdateForm) -> tuple[T
         The next state of training, sums over the episodes that ended, and the parts of the loss.
     """
     key, rollout_key, pair_key = jax.random.split(state.key, 3)
-    task = inputs.task
-    embeddings, vjp = jax.vjp(lambda theta: embed(form.network, theta, task.world.features), state.parameters)
+    task, network, theta = inputs.task, form.network, state.parameters
+    features, goal_state = task.world.features, task.targets.state
+    whole = len(inputs.loss.scenes.count) <= form.scenes_at_once
+    if whole:
+        shown, learned = features, inputs.loss
+    else:
+        states, learned = draw_scenes(jax.random.fold_in(pair_key, 1), inputs.loss, form.scenes_at_once)
+        shown = features[states]
+    embeddings, vjp = jax.vjp(lambda theta: embed(network, theta, shown), theta)
+    goal_embeddings = embeddings.state[goal_state] if whole else embed(network, theta, features[goal_state]).state
     to_frontier = steps_to_frontier(state.graph)
+
+    def successors(view: Array) -> Array:
+        return embeddings.successor[view] if whole else embed(network, theta, features[view]).successor
 
     def act(key: PRNGKeyArray, memory: Memory, observation: Observation, target: Array) -> tuple[Memory, Array, None]:
         explore_key, policy_key = jax.random.split(key)
         exploring, unexplored = exploring_action(explore_key, state.graph, to_frontier, observation.view)
-        goal = embeddings.state[task.targets.state[target]][..., None, :]
-        steps = distance(embeddings.successor[observation.view], goal, form.loss.distance)
+        steps = distance(successors(observation.view), goal_embeddings[target][..., None, :], form.loss.distance)
         logits = -inputs.loss.weights.inverse_temperature * steps
         return memory, jnp.where(unexplored, exploring, sample_action(policy_key, logits)), None
 
     workers, experience, sums = rollout(rollout_key, act, state.workers, task, NO_MEMORY, form.t_max)
 
-    grad_embeddings, losses = jax.grad(lambda e: metric_loss(pair_key, e, inputs.loss, form.loss), has_aux=True)(
-        embeddings
-    )
+    grad_embeddings, losses = jax.grad(lambda e: metric_loss(pair_key, e, learned, form.loss), has_aux=True)(embeddings)
     parameters, optimizer_state = apply_gradient(
         make_optimizer(inputs.optimizer), vjp(grad_embeddings)[0], state.optimizer, state.parameters
     )

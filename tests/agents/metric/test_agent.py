@@ -14,12 +14,15 @@ from interruption import assert_same, interrupt, resume
 from relm_irl_jax.agents.metric.agent import MetricAgent, scene_states
 from relm_irl_jax.agents.metric.costs_to_go import (
     CostsToGo,
+    ScenesOfSize,
     SceneStates,
     compute_costs_to_go,
     minimum_costs_to_goals,
+    scenes_by_size,
     unknown_costs,
 )
-from relm_irl_jax.agents.metric.experience_graph import empty_graph
+from relm_irl_jax.agents.metric.drawn_scenes import draw_scenes
+from relm_irl_jax.agents.metric.experience_graph import ExperienceGraph, empty_graph
 from relm_irl_jax.agents.metric.loss import LossForm, LossInputs, LossWeights, metric_loss
 from relm_irl_jax.agents.metric.network import DistanceForm, Embeddings, distance, pairwise_distances
 from relm_irl_jax.agents.settings import MetricSettings
@@ -87,6 +90,57 @@ def test_the_loss_vanishes_where_embeddings_are_right():
     assert float(wrong) > 0.1
 
 
+def rooms_of_different_sizes():
+    """Three rooms with random costs to go, and the loss's inputs for them."""
+    scenes = [
+        grid_scene(2, width, name=f"bathroom-{width}", features=np.zeros((8 * width, 4), np.float32))
+        for width in (1, 2, 3)
+    ]
+    split = TaskSplit(tuple(Target(number, 2) for number in range(3)), (), (), ())
+    world, goals = build_world(scenes), manual_goals(scenes, split, "strict", ManualSettings())
+    states, generator = scene_states(world), np.random.default_rng(0)
+    costs = unknown_costs(states, goals)
+    successor = np.asarray(costs.successor)
+    known = np.where(generator.random(successor.shape) < 0.5, 0, successor).astype(np.int32)
+    length = jnp.asarray(generator.integers(1, 9, costs.cost.shape), jnp.float32)
+    number = jnp.float32
+    weights = LossWeights(number(0.25), number(5.0), number(0.1), number(0.5), number(2.0))
+    return world, LossInputs(states, goals, CostsToGo(jnp.asarray(known), length, length), weights)
+
+
+def test_drawn_scenes_keep_their_states_goals_and_costs():
+    world, inputs = rooms_of_different_sizes()
+    starts = np.unique(np.asarray(world.scene), return_index=True)[1]
+    found = set()
+    for seed in range(12):
+        states, drawn = draw_scenes(jax.random.key(seed), inputs, 2)
+        scenes = np.asarray(world.scene)[np.asarray(states).reshape(drawn.scenes.state.shape)]
+        assert (scenes == scenes[:, :1]).all()
+        assert len(set(scenes[:, 0])) == 2
+        found |= set(scenes[:, 0].tolist())
+        for row, scene in enumerate(scenes[:, 0]):
+            count = int(drawn.scenes.count[row])
+            assert count == int(inputs.scenes.count[scene])
+            of_row = np.asarray(states)[np.asarray(drawn.scenes.state[row])]
+            np.testing.assert_array_equal(of_row[:count], starts[scene] + np.arange(count))
+            np.testing.assert_array_equal(drawn.goals.state[row], inputs.goals.state[scene])
+            np.testing.assert_array_equal(drawn.costs.length[row], inputs.costs.length[scene])
+    assert found == {0, 1, 2}
+
+
+def test_the_loss_of_drawn_scenes_is_that_of_a_world_of_them():
+    """Its part that draws nothing, over embeddings of the drawn states alone."""
+    world, inputs = rooms_of_different_sizes()
+    form = LossForm(states=4, goals=4, distance=DistanceForm(2, symmetric=True))
+    generator = np.random.default_rng(1)
+    state = jnp.asarray(generator.normal(size=(len(world.scene), 6)), jnp.float32)
+    successor = jnp.asarray(generator.normal(size=(len(world.scene), 4, 6)), jnp.float32)
+    whole = Embeddings(state, successor)
+    states, drawn = draw_scenes(jax.random.key(0), inputs, 3)
+    error = metric_loss(jax.random.key(1), jax.tree.map(lambda x: x[states], whole), drawn, form)[1].successor
+    np.testing.assert_allclose(error, metric_loss(jax.random.key(1), whole, inputs, form)[1].successor, rtol=1e-6)
+
+
 def open_room():
     """A furnished bathroom is too much for a test: an open room of 3 × 3 places, random features."""
     features = np.random.default_rng(0).normal(size=(36, 24)).astype(np.float32)
@@ -109,8 +163,25 @@ def test_computed_costs_have_the_types_of_unknown_ones(counts):
     scene, split = open_room()
     world, goals = build_world([scene]), manual_goals([scene], split, "strict", ManualSettings())
     scenes, graph = scene_states(world), empty_graph(scene.n_states)
-    computed = jax.eval_shape(lambda: vars(compute_costs_to_go(graph, world, goals, scenes, counts)))
+    by_size = scenes_by_size(scenes, goals)
+    computed = jax.eval_shape(lambda: vars(compute_costs_to_go(graph, world, goals, scenes, counts, by_size)))
     assert computed == jax.eval_shape(lambda: vars(unknown_costs(scenes, goals)))
+
+
+def test_costs_of_scenes_of_different_sizes_do_not_depend_on_their_group():
+    """Each scene's are those of a world of its own; only padding differs."""
+    world, inputs = rooms_of_different_sizes()
+    scenes, goals = inputs.scenes, inputs.goals
+    graph = ExperienceGraph(world.successor, jnp.ones(len(world.scene), bool))
+    by_size = scenes_by_size(scenes, goals)
+    assert sorted(number for group in by_size for number in group.scenes) == [0, 1, 2]
+    one = (ScenesOfSize((0, 1, 2), scenes.state.shape[1], goals.state.shape[1]),)
+    apart, together = (compute_costs_to_go(graph, world, goals, scenes, "steps", groups) for groups in (by_size, one))
+    for number, (states, ends) in enumerate(zip(scenes.count.tolist(), goals.count.tolist(), strict=True)):
+        for name in ("cost", "length"):
+            found = getattr(apart, name)[number, :states, :ends]
+            assert np.isfinite(found).all()
+            np.testing.assert_array_equal(found, getattr(together, name)[number, :states, :ends])
 
 
 @pytest.fixture(scope="module")
@@ -136,6 +207,21 @@ def test_finds_targets_that_were_never_goals(uninterrupted):
     metrics = compute_metrics(evaluate(jax.random.key(1), AGENT.policy(parameters, world, new), world, new, 50, 400), 0)
     assert metrics.success_rate > 0.9
     assert metrics.spl > 0.7
+
+
+def test_finds_trained_targets_of_rooms_that_take_turns():
+    """One of two rooms is learned from in an update."""
+    features = np.random.default_rng(0).normal(size=(2, 36, 24)).astype(np.float32)
+    scenes = [grid_scene(3, 3, name=f"bathroom-{number}", features=features[number]) for number in range(2)]
+    split = TaskSplit((Target(0, 5), Target(1, 13)), (), (), ())
+    goals = manual_goals(scenes, split, "strict", ManualSettings())
+    world, targets = build_world(scenes), build_targets(scenes, split.training)
+    problem = TrainingProblem(world, targets, manual_reward(ManualSettings()), 50, 50_000, goals=goals)
+    agent = MetricAgent(dataclasses.replace(AGENT.settings, scenes_at_once=1))
+    parameters, curve = agent.train(jax.random.key(0), problem, TrainingLog())
+    assert curve.actions_tried[-1] > 0.9
+    policy = agent.policy(parameters, world, targets)
+    assert compute_metrics(evaluate(jax.random.key(1), policy, world, targets, 50, 200), 0).spl > 0.7
 
 
 def test_learned_distances_can_be_shown(uninterrupted):
