@@ -19,7 +19,7 @@ from jaxtyping import Array, Float32
 
 from relm_irl_jax.agents.map.augmentation import random_convolution
 from relm_irl_jax.agents.map.memory import Odometry, free_logits, grid_rows, summarise, turned
-from relm_irl_jax.agents.map.network import RECORD, VIEW, MapNetwork, Projections
+from relm_irl_jax.agents.map.network import RECORD, VIEW, MapNetwork
 from relm_irl_jax.agents.map.posterior import (
     N_BINS,
     all_scores,
@@ -83,7 +83,8 @@ def prefix_memories(
         rows = jax.vmap(partial(grid_rows, extent=extent))(pose)
         values = jax.vmap(turned)(record, pose[:, 0]) * valid[:, None, None].astype(record.dtype)
         grid = jnp.zeros((len(lengths), size * size, RECORD)).at[part[:, None], rows].add(values)
-        grid = jnp.cumsum(grid, 0).reshape(len(lengths), size, size, RECORD)
+        # A sum over few prefixes is fastest as a product.
+        grid = jnp.einsum("pq,qcr->pcr", jnp.tri(len(lengths)), grid).reshape(-1, size, size, RECORD)
         seen = jnp.zeros((len(lengths), 4, side, side), jnp.int32)
         seen = seen.at[part, pose[:, 0], pose[:, 1] + radius, pose[:, 2] + radius].add(1)
         return grid, jnp.cumsum(seen, 0) > 0
@@ -126,18 +127,19 @@ def compute_loss(
     views = jnp.concatenate([jnp.asarray(walks.views).reshape(-1, VIEW, VIEW, 3), jnp.asarray(walks.target_views)])
     if walks.convolution is not None:
         views = random_convolution(views, walks.convolution)
-    projections = cast(Projections, network.apply(parameters["network"], views))
-    record = projections.record[:-n_targets].reshape(n_walks, steps, -1, RECORD)
-    grid, odometry = prefix_memories(record, walks)
+    # Only the head that is needed: of the views met, what memory adds up; of the targets', what they are looked for by.
+    apply = partial(network.apply, parameters["network"])
+    bearings = cast(Array, apply(views, method="bearings"))
+    record = cast(Array, apply(bearings[:-n_targets], method="records"))
+    kernel = cast(Array, apply(bearings[-n_targets:], method="kernels"))
+    grid, odometry = prefix_memories(record.reshape(n_walks, steps, -1, RECORD), walks)
     seen, evidence = summarise(grid)
     extent = walks.extent
     bins = jnp.asarray(distance_bins(extent))
     prior: dict[str, Array] = dict(parameters["prior"])
     free = free_logits(evidence, prior["free"][bins], prior["scale"], odometry)
 
-    score = all_scores(
-        memory_spectrum(seen.reshape(-1, *seen.shape[2:])), kernel_spectrum(projections.kernel[-n_targets:], extent)
-    )
+    score = all_scores(memory_spectrum(seen.reshape(-1, *seen.shape[2:])), kernel_spectrum(kernel, extent))
     score = score.reshape(n_walks, -1, n_targets, *score.shape[2:])
     posterior = log_posterior(score, free[:, :, None], prior["pose"][bins], ~odometry.seen[:, :, None])
 

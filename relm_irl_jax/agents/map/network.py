@@ -9,7 +9,7 @@ folds rows away:
                    and, by a head of its own for the view of a target, the kernel k ∈ R^(C+2)
 
 `relm_irl_jax.agents.map.geometry` projects columns and depths to the cells of the view region, each weighted by its
-confidence. All convolutions are matrix products of shifted copies, which compilers for CPUs differentiate faster.
+confidence. Most convolutions are matrix products of shifted copies, which compilers for CPUs differentiate faster.
 
 *Directions.* C = S + 4D. The first S features do not turn. The others are D fields over the four directions relative to
 the camera (ahead, right, behind, left), so that a wall can say which way it faces. Placed at heading h, direction d
@@ -54,6 +54,13 @@ RECORD = CHANNELS + 2
 KERNEL = CHANNELS + 2
 """Numbers that a target's kernel holds for a cell: C features, the coverage, the occupancy."""
 
+DEPTHS = REACH + 1
+"""Depths of each column, in cells."""
+
+Views = UInt8[Array, "views height width 3"] | Float32[Array, "views height width 3"]
+
+Bearings = Float32[Array, "views columns channels"]
+
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
@@ -75,6 +82,39 @@ def _neighbours(x: Float[Array, "*batch columns channels"]) -> Float[Array, "*ba
     return jnp.concatenate([padded[..., :-2, :], x, padded[..., 2:, :]], -1)
 
 
+class RowPairs(nn.Module):
+    """3 × 3 convolution with stride 2 × 1 of pairs of rows, zero beyond the image.
+
+    Attributes:
+        channels: its outputs.
+    """
+
+    channels: int
+
+    @nn.compact
+    def __call__(self, pairs: Float32[Array, "views pairs columns both"]) -> Float32[Array, "views pairs columns out"]:
+        """Apply the convolution.
+
+        Args:
+            pairs: upper and lower row of each pair.
+
+        Returns:
+            Its outputs, one row for each pair, whose lower two rows are the pair.
+        """
+        width = pairs.shape[-1] * 3 // 2
+        kernel = self.param("kernel", nn.initializers.he_normal(), (3 * width, self.channels))
+        bias = self.param("bias", nn.initializers.zeros, (self.channels,))
+        above = jnp.pad(pairs[:, :-1, :, pairs.shape[-1] // 2 :], [(0, 0), (1, 0), (0, 0), (0, 0)])
+        three = jnp.concatenate([above, pairs], -1)
+        # One product for the columns on the left, in the middle and on the right. Fused with what comes before and
+        # after, it would take twice as long.
+        by_column = kernel.reshape(3, width, self.channels).swapaxes(0, 1).reshape(width, -1)
+        product = jax.lax.optimization_barrier(jax.lax.optimization_barrier(three) @ by_column)
+        left, middle, right = jnp.split(product, 3, -1)
+        side = [(0, 0), (0, 0), (1, 1), (0, 0)]
+        return jnp.pad(left, side)[:, :, :-2] + middle + jnp.pad(right, side)[:, :, 2:] + bias
+
+
 class MapNetwork(nn.Module):
     """Maps views to projections, and holds the few numbers that turn correlations into probabilities.
 
@@ -86,11 +126,21 @@ class MapNetwork(nn.Module):
     width: int = 128
     channels: int = 32
 
-    @nn.compact
-    def __call__(
-        self, view: UInt8[Array, "views height width 3"] | Float32[Array, "views height width 3"]
-    ) -> Projections:
-        """Look at views.
+    def setup(self) -> None:
+        """Declare the layers."""
+        he = nn.initializers.he_normal()
+        small = nn.initializers.variance_scaling(0.5, "fan_in", "normal")
+        weak = nn.initializers.variance_scaling(0.003, "fan_in", "normal")
+        self.patches = nn.Dense(self.channels, kernel_init=he)
+        self.rows = RowPairs(self.channels)
+        self.columns = nn.Dense(self.width, kernel_init=he)
+        self.residual_1 = nn.Dense(self.width, kernel_init=small)
+        self.residual_2 = nn.Dense(self.width, kernel_init=small)
+        self.record = nn.Dense(DEPTHS * RECORD, kernel_init=small)
+        self.kernel = nn.Dense(DEPTHS * KERNEL, kernel_init=weak)
+
+    def __call__(self, view: Views) -> Projections:
+        """Look at views, each of which may be met or be a target's.
 
         Args:
             view: RGB views of `VIEW` × `VIEW` pixels from 0 to 255; filtered ones may exceed that.
@@ -98,38 +148,63 @@ class MapNetwork(nn.Module):
         Returns:
             Their projections.
         """
-        he = nn.initializers.he_normal()
+        bearings = self.bearings(view)
+        return Projections(self.records(bearings), self.kernels(bearings))
+
+    def bearings(self, view: Views) -> Bearings:
+        """What views show at each bearing: all layers but the heads.
+
+        Args:
+            view: as above.
+
+        Returns:
+            Channels of each image column.
+        """
         n = len(view)
-        pixels = view.astype(jnp.float32) / 127.5 - 1.0
-        # Patches of 4 × 2 pixels, each beside the next one to the right and below.
-        patches = pixels.reshape(n, 16, 4, 32, 6).swapaxes(2, 3).reshape(n, 16, 32, 24)
+        # Patches of 4 × 2 pixels, in pairs of rows, each beside the next one to the right and below.
+        patches = view.reshape(n, 8, 2, 4, 32, 6).transpose(0, 1, 4, 2, 3, 5).reshape(n, 8, COLUMNS, 2, 24)
         wide = jnp.concatenate([patches, jnp.roll(patches, -1, 2)], -1)
-        tall = jnp.concatenate([wide, jnp.concatenate([wide[:, 1:], wide[:, -1:]], 1)], -1)
-        x = nn.relu(nn.Dense(self.channels, kernel_init=he, name="patches")(tall))
-        above = jnp.pad(x[:, 1:-1:2], [(0, 0), (1, 0), (0, 0), (0, 0)])
-        rows = jnp.concatenate([above, x[:, 0::2], x[:, 1::2]], -1)
-        x = nn.relu(nn.Dense(self.channels, kernel_init=he, name="rows")(_neighbours(rows)))
-        x = x.swapaxes(1, 2).reshape(n, COLUMNS, -1)
-        x = nn.relu(nn.Dense(self.width, kernel_init=he, name="columns")(_neighbours(x)))
-        small = nn.initializers.variance_scaling(0.5, "fan_in", "normal")
-        for block in ("residual_1", "residual_2"):
-            x = x + nn.relu(nn.Dense(self.width, kernel_init=small, name=block)(_neighbours(x)))
-        depths = REACH + 1
-        place = nn.Dense(depths * RECORD, kernel_init=small, name="record")(x).reshape(n, COLUMNS, depths, RECORD)
-        weak = nn.initializers.variance_scaling(0.003, "fan_in", "normal")
-        kernel = nn.Dense(depths * KERNEL, kernel_init=weak, name="kernel")(x).reshape(n, COLUMNS, depths, KERNEL)
+        upper, lower = wide[..., :1, :], wide[..., 1:, :]
+        below = jnp.concatenate([lower, jnp.concatenate([upper[:, 1:], lower[:, -1:]], 1)], 3)
+        pixels = jnp.concatenate([wide, below], -1).astype(jnp.float32) / 127.5 - 1.0
+        x = nn.relu(self.patches(pixels)).reshape(n, 8, COLUMNS, -1)
+        x = nn.relu(self.rows(x))
+        x = nn.relu(self.columns(_neighbours(x.swapaxes(1, 2).reshape(n, COLUMNS, -1))))
+        for block in (self.residual_1, self.residual_2):
+            x = x + nn.relu(block(_neighbours(x)))
+        return x
+
+    def records(self, bearings: Bearings) -> Float32[Array, "views cells record"]:
+        """What memory adds up of views.
+
+        Args:
+            bearings: what `bearings` returns.
+
+        Returns:
+            Σ_j L c f, Σ_j L c, Σ_j L c o for each cell.
+        """
+        place = self.record(bearings).reshape(len(bearings), COLUMNS, DEPTHS, RECORD)
         confidence = nn.sigmoid(place[..., -2:-1])
-        weighted = jnp.concatenate([confidence * place[..., :-2], confidence, confidence * place[..., -1:]], -1)
-        return Projections(_to_cells(weighted), _to_cells(kernel))
+        return _to_cells(jnp.concatenate([confidence * place[..., :-2], confidence, confidence * place[..., -1:]], -1))
+
+    def kernels(self, bearings: Bearings) -> Float32[Array, "views cells kernel"]:
+        """What views of targets are looked for by.
+
+        Args:
+            bearings: what `bearings` returns.
+
+        Returns:
+            Σ_j L k for each cell.
+        """
+        return _to_cells(self.kernel(bearings).reshape(len(bearings), COLUMNS, DEPTHS, KERNEL))
 
 
 def _to_cells(columns: Float[Array, "views columns depths channels"]) -> Float[Array, "views cells channels"]:
     """Project columns and depths to the cells of the view region."""
-    depths = columns.shape[2]
     return jnp.concatenate(
         [
-            jnp.einsum("uj,njf->nuf", jnp.asarray(projection_weights(depth, columns.shape[1])), columns[:, :, depth])
-            for depth in range(depths)
+            jnp.einsum("uj,njf->nuf", jnp.asarray(projection_weights(depth, columns.shape[1])), at_depth[:, :, 0])
+            for depth, at_depth in enumerate(jnp.split(columns, columns.shape[2], 2))
         ],
         1,
     )

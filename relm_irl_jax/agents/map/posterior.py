@@ -4,8 +4,9 @@ The target's view gives a kernel k: what its view region should look like. Laid 
 
     s(h, p) = Σ_y ⟨R_h k(y), m(p + y)⟩                  cross-correlation at four headings h
 
-with R_h turning the view region by h right angles. The score stands for a sum over cells of log-likelihood ratios of
-"seen from there" against "not seen yet", which is 0 where the map is empty. With the prior of a pose, the posterior is
+with R_h turning the view region by h right angles, which is the same as turning map and pose back. The score stands for
+a sum over cells of log-likelihood ratios of "seen from there" against "not seen yet", which is 0 where the map is
+empty. With the prior of a pose, the posterior is
 
     log P(h, p) = s(h, p) + log p_free(p) + π(|p|) + const       over poses not yet stood on, −∞ on the others
 
@@ -87,44 +88,49 @@ def _back(spectrum: Float32[Array, "2 frequency frequency_x *items"]) -> Float32
 
 
 def memory_spectrum(seen: Float[Array, "*items grid grid kernel"]) -> Spectrum:
-    """Transform what the memory says.
+    """Transform what the memory says, as it lies before an agent at each of the four headings.
+
+    It turns about the start, against the heading. The spectrum of half a turn is the conjugate, so that only two
+    headings are transformed.
 
     Args:
         seen: features of each cell, as `summarise` gives them.
 
     Returns:
-        m̂.
+        m̂, its items [*items, 4].
     """
     grid = seen.shape[-2]
-    return _transform(jnp.moveaxis(seen, (-3, -2), (0, 1)), np.arange(grid) - Extent.of_grid(grid).half, grid)
+    quarter = jnp.roll(jnp.rot90(seen, 1, (-2, -3)), 1, -2)  # of period N: the start stays where it is
+    both = jnp.moveaxis(jnp.stack([seen, quarter], -2), (-4, -3), (0, 1))
+    real, imaginary = _transform(both, np.arange(grid) - Extent.of_grid(grid).half, grid)
+    spectrum = jnp.stack([jnp.concatenate([real, real], -2), jnp.concatenate([imaginary, -imaginary], -2)])
+    return jnp.stack([turn_features(spectrum[..., h, :], -h) for h in range(4)], -2)
 
 
-def kernel_squares(kernel: Float[Array, "targets cells kernel"]) -> Float[Array, "targets 4 span span kernel"]:
-    """Lay a target's view region on a square, at each of the four headings.
+def kernel_square(kernel: Float[Array, "targets cells kernel"]) -> Float[Array, "targets span span kernel"]:
+    """Lay a target's view region on a square.
 
     Args:
         kernel: the kernels' projections.
 
     Returns:
-        R_h k, the agent in the middle.
+        k, the agent in the middle at heading 0.
     """
     rows, columns = VIEW_CELLS[:, 1] + REACH, VIEW_CELLS[:, 0] + REACH
-    square = jnp.zeros((len(kernel), SPAN, SPAN, kernel.shape[-1]), kernel.dtype).at[:, rows, columns].set(kernel)
-    # Turning right by one: what lay at (u, v) comes to (v, −u) in (x, z).
-    return jnp.stack([turn_features(jnp.rot90(square, -h, (2, 1)), h) for h in range(4)], 1)
+    return jnp.zeros((len(kernel), SPAN, SPAN, kernel.shape[-1]), kernel.dtype).at[:, rows, columns].set(kernel)
 
 
 def kernel_spectrum(kernel: Float[Array, "targets cells kernel"], extent: Extent) -> Spectrum:
-    """Transform targets' kernels at the four headings.
+    """Transform targets' kernels.
 
     Args:
         kernel: the kernels' projections.
         extent: how far the map reaches.
 
     Returns:
-        k̂, its items [targets, 4].
+        k̂, its items [targets].
     """
-    return _transform(jnp.moveaxis(kernel_squares(kernel), (2, 3), (0, 1)), _KERNEL, extent.grid)
+    return _transform(jnp.moveaxis(kernel_square(kernel), (1, 2), (0, 1)), _KERNEL, extent.grid)
 
 
 def _conjugates(memory: Spectrum) -> Float32[Array, "2 2 frequency frequency_x ..."]:
@@ -136,15 +142,18 @@ def _conjugates(memory: Spectrum) -> Float32[Array, "2 2 frequency frequency_x .
 def all_scores(memory: Spectrum, kernel: Spectrum) -> Float32[Array, "memories targets 4 z x"]:
     """Cross-correlate every target with every memory.
 
+    Turning the memory instead of the kernel gives the score at the turned pose; there are fewer memories than targets.
+
     Args:
-        memory: m̂, its items [memories].
-        kernel: k̂, its items [targets, 4].
+        memory: m̂, its items [memories, 4].
+        kernel: k̂, its items [targets].
 
     Returns:
         s at every pose.
     """
-    product = jnp.einsum("qrgfmc,rgfthc->qgfmth", _conjugates(memory), kernel)
-    return jnp.moveaxis(_back(product), (0, 1), (3, 4))
+    product = jnp.einsum("qrgfmhc,rgftc->qgfmth", _conjugates(memory), kernel)
+    turned = jnp.moveaxis(_back(product), (0, 1), (3, 4))
+    return jnp.stack([jnp.rot90(turned[:, :, h], -h, (-1, -2)) for h in range(4)], 2)
 
 
 SearchKernel = Float32[Array, "*targets channel 4 2 frequencies"]
@@ -161,7 +170,10 @@ def search_kernel(kernel: Float[Array, "targets cells kernel"], extent: Extent) 
     Returns:
         k̂, one row a target.
     """
-    squares = jnp.moveaxis(kernel_squares(kernel), -1, 1)
+    square = kernel_square(kernel)
+    # Turning right by one: what lay at (u, v) comes to (v, −u) in (x, z).
+    turned = [turn_features(jnp.rot90(square, -h, (2, 1)), h) for h in range(4)]
+    squares = jnp.moveaxis(jnp.stack(turned, 1), -1, 1)
     spectrum = jnp.fft.rfft2(squares, (extent.grid, extent.grid)).reshape(*squares.shape[:3], -1)
     return jnp.stack([spectrum.real, spectrum.imag], -2)
 
