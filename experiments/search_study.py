@@ -7,30 +7,34 @@ Every row is a file, and finished rows are not measured again.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Int
+from jaxtyping import Bool
 
 from relm_irl_jax.agents.map.policy import MapPolicy
+from relm_irl_jax.agents.map.rewarded import RewardedPolicy
 from relm_irl_jax.agents.map.variants import MemorylessPolicy, explorer
 from relm_irl_jax.agents.random_agent import RandomPolicy
-from relm_irl_jax.config import Config, Task
+from relm_irl_jax.config import Config, Method, Task
 from relm_irl_jax.env import Episode, shortest_path
-from relm_irl_jax.episode_runner import run_episodes
+from relm_irl_jax.episode_runner import Outcome, run_episodes
 from relm_irl_jax.evaluation import Episodes, draw_episodes, evaluation_key
 from relm_irl_jax.files import write_table
 from relm_irl_jax.progress import console, progress_bar
+from relm_irl_jax.rewards.learned import predicted_observations
 from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.stages.encoding import encode_training
 from relm_irl_jax.stages.evaluation import result_rows
 from relm_irl_jax.stages.make_agent import make_agent
+from relm_irl_jax.stages.rewards import make_predictor
 from relm_irl_jax.stages.worlds import EvaluationTask, evaluation_task, standardised_world
 from relm_irl_jax.studies.search_page import FAILURE_COLUMNS, METRIC_COLUMNS, SearchRow
-from relm_irl_jax.studies.study import complete_run
-from relm_irl_jax.tasks import Target
+from relm_irl_jax.studies.study import complete_run, learn_shared
+from relm_irl_jax.tasks import Target, draw_split
 from relm_irl_jax.types import Policy
 from relm_irl_jax.world import build_targets, scene_offsets
 
@@ -40,6 +44,15 @@ FURTHER_SETS = (20, 50, 70)
 FEWER, FEWER_IN_MAPS = 20, 4
 """In rooms, rows that only bound the agent have a twentieth of the episodes, in recorded maps a quarter: their episodes
 last until the cap."""
+
+REWARDED: dict[str, tuple[Method, Literal["prices", "prior"]]] = {
+    "rl-prices": ("rl", "prices"),
+    "elm-irl-prices": ("elm-irl", "prices"),
+    "relm-irl-prices": ("relm-irl", "prices"),
+    "relm-irl-prior": ("relm-irl", "prior"),
+}
+"""Rows in which the agent has a method's reward, and what for. Under the hand-made reward every step costs the same, so
+that its row is the agent as it is, in the same episodes."""
 
 
 def rows(episodes: int) -> list[SearchRow]:
@@ -62,10 +75,11 @@ def rows(episodes: int) -> list[SearchRow]:
         SearchRow("map", "II", 0, "empty", episodes),
         SearchRow("map", "I", 0, "filled", episodes),
         SearchRow("map", "I", 0, "empty", episodes),
+        *(SearchRow(name, "III", 0, "empty", few) for name in REWARDED),
     ]
 
 
-QUICK = (("map", 0), ("oracle", 0), ("memoryless", 0))
+QUICK = (("map", 0), ("oracle", 0), ("memoryless", 0), ("relm-irl-prices", 0), ("relm-irl-prior", 0))
 """Agents and first rooms of the rows of the quick study."""
 
 
@@ -115,24 +129,78 @@ def measure(config: Config, row: SearchRow, out: Path) -> None:
     config = replace(
         config, scene=replace(config.scene, first_room=row.first_room), map=replace(config.map, memory=row.memory)
     )
-    pool = pooled_tasks(config, row.task, row.episodes)
+    seeds = list(range(config.seeds))
+    # Every seed has a reward of its own; without one, all seeds share their episodes.
+    groups = [[seed] for seed in seeds] if row.agent in REWARDED else [seeds]
+    shown = with_features(config) if row.agent in REWARDED else config
+    metrics, failures = [], []
+    for group in groups:
+        pool = pooled_tasks(shown, row.task, row.episodes, group)
+        of_group = outcomes_of(pool, run_row(config, row, pool, out), row)
+        metrics += of_group[0]
+        failures += of_group[1]
+    write_table(row.failures(out), _columns(FAILURE_COLUMNS, failures))
+    write_table(row.path(out), _columns(METRIC_COLUMNS, metrics))
+
+
+def run_row(config: Config, row: SearchRow, pool: "Pool", out: Path) -> Outcome:
+    """Run the episodes of a row.
+
+    Args:
+        config: scenes, agent and seeds.
+        row: the row.
+        pool: the episodes.
+        out: folder of the rows.
+
+    Returns:
+        Their lengths and successes.
+    """
     if row.agent == "oracle":
         length = np.asarray(shortest_path(pool.drawn, pool.task.world, pool.task.targets))
-        outcome = np.minimum(length, config.tasks.cap), length <= config.tasks.cap
-    else:
-        agent = make_agent(config, "rl")
-        policy = agent.policy(agent.trained(), pool.task.world, pool.task.targets)
-        with progress_bar(row.path(out).stem, pool.drawn.target.size, "episodes") as advance:
-            outcome = run_episodes(
-                jax.random.key(0),
-                pool.drawn,
-                VARIANTS[row.agent](policy),
-                pool.task.world,
-                pool.task.targets,
-                cap=config.tasks.cap,
-                advance=advance,
-            )
-    save(pool, outcome, row, out)
+        return np.minimum(length, config.tasks.cap), length <= config.tasks.cap
+    agent = make_agent(config, "rl")
+    policy: Policy = agent.policy(agent.trained(), pool.task.world, pool.task.targets)
+    policy = rewarded(config, row, pool, policy) if row.agent in REWARDED else VARIANTS[row.agent](policy)
+    with progress_bar(row.path(out).stem, pool.drawn.target.size, "episodes") as advance:
+        return run_episodes(
+            jax.random.key(0),
+            pool.drawn,
+            policy,
+            pool.task.world,
+            pool.task.targets,
+            cap=config.tasks.cap,
+            advance=advance,
+        )
+
+
+def with_features(config: Config) -> Config:
+    """The same scenes and tasks for an agent that is shown views' features, which predictions need."""
+    return replace(config, agent="metric").resolved()
+
+
+def rewarded(config: Config, row: SearchRow, pool: "Pool", policy: MapPolicy) -> RewardedPolicy:
+    """Give the agent the reward that a method learned from the demonstrations of one seed.
+
+    Args:
+        config: scenes, inverse reinforcement learning and regressor.
+        row: a row of `REWARDED`.
+        pool: the episodes of the seed.
+        policy: the mapping agent's policy.
+
+    Returns:
+        The policy.
+    """
+    (method, use), task = REWARDED[row.agent], pool.task
+    if method == "rl":
+        return RewardedPolicy(policy, jnp.ones((len(task.chosen), len(task.world.scene)), jnp.float32), use)
+    config, seed = with_features(config), pool.seeds[0]
+    scenes = encode_training(config).scenes
+    learned = learn_shared(config, scenes, draw_split(scenes, (), config.tasks, seed), seed)
+    basis = replace(learned, phi=tuple(learned.basis.phi(scene) for scene in task.scenes))
+    predictor = make_predictor(basis, method, task.scenes)
+    assert predictor is not None
+    cost = -predicted_observations(task.scenes, task.chosen, predictor)
+    return RewardedPolicy(policy, jnp.asarray(cost), use)
 
 
 VARIANTS: dict[str, Callable[[MapPolicy], Policy]] = {
@@ -149,29 +217,32 @@ class Pool:
     """The episodes of all seeds on a task.
 
     Attributes:
+        seeds: the seeds.
         task: the scenes and targets of all seeds.
         drawn: the episodes of all seeds, one seed after the other; fields are [scenes, seeds · episodes].
         present: whether a seed has targets in a scene; where it has none, its episodes are copies of others.
     """
 
+    seeds: Sequence[int]
     task: EvaluationTask
     drawn: Episode
     present: Bool[np.ndarray, "scenes seeds"]
 
 
-def pooled_tasks(config: Config, name: Task, episodes: int) -> Pool:
-    """Draw the episodes of every seed, as an evaluation of that seed does, and put them into one world.
+def pooled_tasks(config: Config, name: Task, episodes: int, seeds: Sequence[int]) -> Pool:
+    """Draw the episodes of several seeds, as an evaluation of each seed does, and put them into one world.
 
     Args:
-        config: scenes and seeds.
+        config: scenes.
         name: the task.
         episodes: episodes of a scene and seed.
+        seeds: the seeds.
 
     Returns:
         The pool.
     """
     training = encode_training(config)
-    tasks = [evaluation_task(config, training, name, seed) for seed in range(config.seeds)]
+    tasks = [evaluation_task(config, training, name, seed) for seed in seeds]
     scenes: dict[str, Scene] = {scene.name: scene for task in tasks for scene in task.scenes}
     number = {scene: n for n, scene in enumerate(scenes)}
     chosen = sorted({(number[task.scenes[t.scene].name], t.state, t.category) for task in tasks for t in task.chosen})
@@ -185,46 +256,47 @@ def pooled_tasks(config: Config, name: Task, episodes: int) -> Pool:
         chosen=targets,
     )
     offsets = scene_offsets(everything.scenes)
-    start, target = (np.full((len(scenes), config.seeds, episodes), -1, np.int32) for _ in range(2))
-    for seed, task in enumerate(tasks):
+    start, target = (np.full((len(scenes), len(seeds), episodes), -1, np.int32) for _ in range(2))
+    for column, (seed, task) in enumerate(zip(seeds, tasks, strict=True)):
         drawn, _ = draw_episodes(evaluation_key(seed), task.targets, len(task.scenes), episodes)
         local = np.asarray(task.world.local)
         for n, scene in enumerate(task.scenes):
             into = number[scene.name]
-            start[into, seed] = local[np.asarray(drawn.start)[n]] + offsets[into]
-            target[into, seed] = [row_of[into, task.chosen[row].state] for row in np.asarray(drawn.target)[n].tolist()]
+            start[into, column] = local[np.asarray(drawn.start)[n]] + offsets[into]
+            target[into, column] = [
+                row_of[into, task.chosen[row].state] for row in np.asarray(drawn.target)[n].tolist()
+            ]
     present = (target >= 0).all(-1)
-    for scene, seed in zip(*np.nonzero(~present), strict=True):
+    for scene, column in zip(*np.nonzero(~present), strict=True):
         other = int(np.flatnonzero(present[scene])[0])
-        start[scene, seed], target[scene, seed] = start[scene, other], target[scene, other]
+        start[scene, column], target[scene, column] = start[scene, other], target[scene, other]
     first, goal = (jnp.asarray(x.reshape(len(scenes), -1)) for x in (start, target))
-    return Pool(everything, Episode(state=first, target=goal, start=first, steps=jnp.zeros_like(first)), present)
+    return Pool(seeds, everything, Episode(state=first, target=goal, start=first, steps=jnp.zeros_like(first)), present)
 
 
-def save(
-    pool: Pool, outcome: tuple[Int[np.ndarray, "scenes all"], Bool[np.ndarray, "scenes all"]], row: SearchRow, out: Path
-) -> None:
-    """Write the metrics of each scene and seed, and the failed episodes.
+def outcomes_of(pool: Pool, outcome: Outcome, row: SearchRow) -> tuple[list[list], list[list]]:
+    """The metrics of each scene and seed, and the failed episodes.
 
     Args:
         pool: the episodes.
         outcome: their lengths and successes.
         row: the row.
-        out: folder of the rows.
+
+    Returns:
+        Lines of `METRIC_COLUMNS` and of `FAILURE_COLUMNS`.
     """
     task = pool.task
     shortest = np.asarray(shortest_path(pool.drawn, task.world, task.targets))
     fields = (*(np.asarray(x) for x in (pool.drawn.target, pool.drawn.start)), outcome[0], shortest, outcome[1])
     metrics, failures = [], []
-    for seed in range(pool.present.shape[1]):
-        part = slice(seed * row.episodes, (seed + 1) * row.episodes)
+    for column, seed in enumerate(pool.seeds):
+        part = slice(column * row.episodes, (column + 1) * row.episodes)
         episodes = Episodes(*(field[:, part].astype(bool if n == 4 else np.int32) for n, field in enumerate(fields)))
         for n, measured in enumerate(result_rows("rl", row.agent, replace(task, seed=seed), episodes)):
-            if pool.present[n, seed]:
+            if pool.present[n, column]:
                 metrics.append([getattr(measured, name) for name in METRIC_COLUMNS])
                 failures += _failures(task, episodes, n, seed)
-    write_table(row.failures(out), _columns(FAILURE_COLUMNS, failures))
-    write_table(row.path(out), _columns(METRIC_COLUMNS, metrics))
+    return metrics, failures
 
 
 def _failures(task: EvaluationTask, episodes: Episodes, scene: int, seed: int) -> list[list]:

@@ -28,10 +28,16 @@ NAMES = {
     "oracle": "Oracle: shortest paths",
     "explorer": "Systematic exploration, no network",
     "memoryless": "Memoryless: a map of the current view alone",
+    "rl-prices": "Every step alike, as under RL's reward",
+    "elm-irl-prices": "ELM-IRL's reward prices steps",
+    "relm-irl-prices": "RELM-IRL's reward prices steps",
+    "relm-irl-prior": "RELM-IRL's reward as a prior of places",
 }
 """What is measured, by name."""
 
-ORDER = ("oracle", "map", "package", "memoryless", "explorer", "random")
+REWARDED = ("rl-prices", "elm-irl-prices", "relm-irl-prices", "relm-irl-prior")
+
+ORDER = ("oracle", "map", "package", "memoryless", "explorer", "random", *REWARDED)
 
 
 @dataclass(frozen=True)

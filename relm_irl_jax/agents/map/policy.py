@@ -8,12 +8,14 @@ It knows the row of the view in the world's table, only to look up what the netw
 last action collided; and its own memory. It is told no pose, no map and no distance.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Float32, Int32, PRNGKeyArray
+from jaxtyping import Array, Bool, Float, Float32, Int32, PRNGKeyArray
 
 from relm_irl_jax.agents.map.filled import FilledMaps
 from relm_irl_jax.agents.map.geometry import Extent
@@ -135,19 +137,8 @@ class MapPolicy:
         """
         del key
         memory = remember(self, memory, observation)
-        n, shape = target.size, target.shape
-        flat, targets = jax.tree.map(lambda x: x.reshape(n, *x.shape[len(shape) :]), memory), target.reshape(n)
-        running = jnp.ones(n, bool) if observation.running is None else observation.running.reshape(n)
-        # Episodes that run come first, so that the chunks behind them are skipped.
-        order = jnp.argsort(~running, stable=True)
-        size = max(size for size in range(1, LARGEST_CHUNK + 1) if n % size == 0)
-
-        def act_together(chunk: Int32[Array, "chunk"]) -> Int32[Array, "chunk"]:
-            chosen = lambda: think(self, jax.tree.map(lambda x: x[chunk], flat), targets[chunk])[0]  # noqa: E731
-            return jax.lax.cond(running[chunk].any(), chosen, lambda: jnp.zeros_like(chunk))
-
-        actions = jax.lax.map(act_together, order.astype(jnp.int32).reshape(-1, size)).reshape(n)
-        action = jnp.zeros(n, jnp.int32).at[order].set(actions).reshape(shape)
+        choose = lambda memory, target: think(self, memory, target)[0]  # noqa: E731
+        action = choose_where_running(choose, memory, target, observation.running)
         return Memory(memory.grid, memory.odometry, action, memory.steps + 1), action
 
     def belief(self, memory: Memory, target: Int32[Array, "scenes batch"]) -> Belief:
@@ -167,6 +158,38 @@ class MapPolicy:
         weight = flat.grid[:, inner, inner, -2].astype(jnp.float32)
         belief = Belief(flat.odometry.pose, posterior, free, weight / (1 + weight))
         return jax.tree.map(lambda x: x.reshape(*shape, *x.shape[1:]), belief)
+
+
+def choose_where_running(
+    choose: Callable[[Any, Int32[Array, "chunk"]], Int32[Array, "chunk"]],
+    memory: Any,
+    target: Int32[Array, "scenes batch"],
+    running: Bool[Array, "scenes batch"] | None,
+) -> Int32[Array, "scenes batch"]:
+    """Choose actions, a chunk of episodes at a time, and skip chunks in which none runs.
+
+    Args:
+        choose: maps memories and targets of a chunk to actions.
+        memory: memories of all episodes; every field is [scenes, batch, …].
+        target: rows of the targets.
+        running: which episodes run; None for all.
+
+    Returns:
+        The actions; 0 where an episode is skipped.
+    """
+    n, shape = target.size, target.shape
+    flat, targets = jax.tree.map(lambda x: x.reshape(n, *x.shape[len(shape) :]), memory), target.reshape(n)
+    # Episodes that run come first, so that the chunks behind them are skipped.
+    runs = jnp.ones(n, bool) if running is None else running.reshape(n)
+    order = jnp.argsort(~runs, stable=True)
+    size = max(size for size in range(1, LARGEST_CHUNK + 1) if n % size == 0)
+
+    def act_together(chunk: Int32[Array, "chunk"]) -> Int32[Array, "chunk"]:
+        chosen = lambda: choose(jax.tree.map(lambda x: x[chunk], flat), targets[chunk])  # noqa: E731
+        return jax.lax.cond(runs[chunk].any(), chosen, lambda: jnp.zeros_like(chunk))
+
+    actions = jax.lax.map(act_together, order.astype(jnp.int32).reshape(-1, size)).reshape(n)
+    return jnp.zeros(n, jnp.int32).at[order].set(actions).reshape(shape)
 
 
 def remember(policy: MapPolicy, memory: Memory, observation: Observation) -> Memory:
@@ -202,7 +225,10 @@ def remember(policy: MapPolicy, memory: Memory, observation: Observation) -> Mem
 
 
 def locate(
-    policy: MapPolicy, memory: Memory, target: Int32[Array, "batch"]
+    policy: MapPolicy,
+    memory: Memory,
+    target: Int32[Array, "batch"],
+    prior: Float32[Array, "batch z x"] | None = None,
 ) -> tuple[Float32[Array, "batch 4 z x"], Float32[Array, "batch z x"]]:
     """The posterior over the target's pose, and the log odds that places are free.
 
@@ -210,6 +236,7 @@ def locate(
         policy: the policy.
         memory: what is remembered.
         target: row of the target.
+        prior: further logarithms of the prior of each place; None for none.
 
     Returns:
         P and the log odds.
@@ -219,11 +246,18 @@ def locate(
     score = jax.lax.map(lambda lane: scores(lane[0], policy.kernel[lane[1]]), (seen, target))
     possible = ~memory.odometry.seen & ~memory.odometry.blocked[:, None]
     score = score / policy.search.temperature
+    if prior is not None:
+        score = score + prior[:, None]
     return jnp.exp(log_posterior(score, free, policy.prior.pose, possible)), free
 
 
 def think(
-    policy: MapPolicy, memory: Memory, target: Int32[Array, "batch"]
+    policy: MapPolicy,
+    memory: Memory,
+    target: Int32[Array, "batch"],
+    *,
+    prior: Float32[Array, "batch z x"] | None = None,
+    price: Float32[Array, "batch z x"] | None = None,
 ) -> tuple[Int32[Array, "batch"], Float32[Array, "batch 4 z x"], Plan]:
     """Locate the target and plan.
 
@@ -231,14 +265,18 @@ def think(
         policy: the policy.
         memory: what is remembered, with the current view.
         target: row of the target.
+        prior: further logarithms of the prior of each place; None for none.
+        price: what the cost of entering each place is multiplied by; None for 1.
 
     Returns:
         The action, the posterior and the plan.
     """
-    posterior, free = locate(policy, memory, target)
+    posterior, free = locate(policy, memory, target, prior)
     odometry, search = memory.odometry, policy.search
     last = lambda x: jnp.moveaxis(x, 0, -1)  # noqa: E731
     cost = place_costs(last(free), last(odometry.seen.any(1)), last(odometry.blocked), jnp.float32(search.caution))
+    if price is not None:
+        cost = cost * last(price)
     chosen = plan(last(posterior), cost, odometry.pose.T, jnp.float32(search.discount))
     unsure = posterior.max((1, 2, 3)) < search.confident
     looking = (memory.steps < search.turns) & (odometry.pose[:, 1:] == 0).all(1) & unsure

@@ -15,6 +15,7 @@ from relm_irl_jax.agents.map.loss import initial_parameters
 from relm_irl_jax.agents.map.memory import move, start_odometry
 from relm_irl_jax.agents.map.network import VIEW, MapNetwork, look
 from relm_irl_jax.agents.map.policy import map_policy
+from relm_irl_jax.agents.map.rewarded import WIDTH, RewardedPolicy, nearness
 from relm_irl_jax.agents.map.variants import explorer
 from relm_irl_jax.agents.map.walks import relative_pose
 from relm_irl_jax.agents.settings import MapSettings
@@ -273,3 +274,41 @@ def test_a_corridor_longer_than_any_room_is_searched_to_its_end(parameters):
         if state == goal:
             break
     assert state == goal
+
+
+@pytest.mark.parametrize("use", ["prices", "prior"])
+def test_a_reward_that_says_nothing_changes_nothing(parameters, room, reference, use):
+    successor, images = room
+    world, goals = world_of(successor), np.array([40, 21])
+    policy = MapAgent(lambda _: images, network=NETWORK).policy(parameters, world, targets_of(*goals))
+    alike = RewardedPolicy(policy, jnp.ones((2, len(successor))), use)
+    np.testing.assert_array_equal(acted(alike, world, goals, STARTS)[0], reference[0])
+
+
+def test_costs_of_views_are_noted_once_where_they_were_met(parameters, room):
+    """Three turns at the start show four views of its place, a fourth one of them again."""
+    successor, images = room
+    world, goals = world_of(successor), np.array([40, 21])
+    policy = MapAgent(lambda _: images, network=NETWORK).policy(parameters, world, targets_of(*goals))
+    cost = jnp.asarray(np.random.default_rng(0).random((2, len(successor))), jnp.float32)
+    rewarded = RewardedPolicy(policy, cost, "prices")
+    memory, state = rewarded.init((1, 1)), 13
+    for _ in range(5):
+        observation = Observation(jnp.full((1, 1), state, jnp.int32), jnp.zeros((1, 1), bool))
+        memory, _ = act(rewarded, memory, observation, jnp.ones((1, 1), jnp.int32))
+        turned = dataclasses.replace(memory.memory, action=jnp.ones((1, 1), jnp.int32))
+        memory, state = dataclasses.replace(memory, memory=turned), int(successor[state, 1])
+    assert float(memory.views.sum()) == float(memory.views[0, 0, RADIUS, RADIUS]) == 4
+    place = [4 * (13 // 4) + heading for heading in range(4)]
+    np.testing.assert_allclose(memory.cost[0, 0, RADIUS, RADIUS], cost[1, jnp.asarray(place)].sum(), rtol=1e-6)
+
+
+def test_the_prior_is_a_mean_over_places_by_hand():
+    """Two places with costs 0.6 and 0.8, three apart: each counts with its Gaussian."""
+    views = jnp.zeros((1, 33, 33)).at[0, 16, 16].set(2.0).at[0, 16, 19].set(1.0)
+    cost = jnp.zeros((1, 33, 33)).at[0, 16, 16].set(1.2).at[0, 16, 19].set(0.8)
+    far = np.exp(-0.5 * (3 / WIDTH) ** 2)
+    expected = (2 * 0.4 + far * 0.2) / (2 + far + 1e-3)
+    found = np.asarray(nearness(cost, views))
+    assert found[0, 16, 16] == pytest.approx(expected, rel=1e-5)
+    assert found[0, 0, 0] < 0.01
