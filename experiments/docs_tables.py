@@ -1,6 +1,7 @@
 """The tables of the documentation, from the committed CSV files and from nothing else: `make tables`.
 
-    make tables RUN=runs/paper    copy the tables of a study into docs/tables, then write those of the pages
+    make tables RUN=runs/paper    copy the tables of a study into docs/tables and its figures into docs, then write the
+                                  tables of the pages
     make tables RUN=runs/bench    the same with what the benchmarks have measured
     make tables                   write those of the pages from docs/tables
 
@@ -51,7 +52,7 @@ BLOCK = re.compile(r"(<!-- table: ([a-z-]+)((?: [\w-]+)*) -->\n).*?(<!-- /table 
 
 
 def copy_tables(study: Path) -> None:
-    """Copy a study's tables into `docs/tables`.
+    """Copy a study's tables into `docs/tables`, and its figures into `docs`.
 
     Args:
         study: folder of the study.
@@ -68,6 +69,9 @@ def copy_tables(study: Path) -> None:
     for path, name in SINGLE.items():
         if (study / path).is_file():
             shutil.copyfile(study / path, TABLES / name)
+    for path, name in FIGURES.items():
+        if (study / path).is_file():
+            shutil.copyfile(study / path, ROOT / "docs" / name)
     if (path := study / "trainings" / "trainings.csv").is_file():
         on_cpu = read_table(path)["computer"][0].endswith("on cpu")
         shutil.copyfile(path, TABLES / f"speed-trainings-{'cpu' if on_cpu else 'gpu'}.csv")
@@ -81,6 +85,15 @@ SINGLE = {
     "scaling/scaling.csv": "speed-scaling.csv",
 }
 """Single tables of a study, and their names in `docs/tables`."""
+
+
+FIGURES = {
+    "rooms.png": "training-rooms.png",
+    "elm/figure-7.png": "elm-neurons.png",
+    "elm/figure-8-10.png": "elm-predictions.png",
+    "elm/figure-9.png": "elm-press.png",
+}
+"""Figures of a study, and their names in `docs`."""
 
 
 def written(page: str) -> str:

@@ -32,6 +32,7 @@ import numpy as np
 from jaxtyping import Array, Float32, Int32
 
 from relm_irl_jax.agents.metric.experience_graph import UNTRIED, ExperienceGraph, minimum_costs
+from relm_irl_jax.agents.padding import divide_by_size
 from relm_irl_jax.rewards.goals import Goals
 from relm_irl_jax.world import World
 
@@ -93,10 +94,10 @@ def scenes_by_size(scenes: SceneStates, goals: Goals) -> tuple[ScenesOfSize, ...
         goals: the goals.
 
     Returns:
-        At most `SIZES` groups of about equally many scenes.
+        At most `SIZES` groups of about equally many scenes; see `relm_irl_jax.agents.padding.divide_by_size`.
     """
     states, n_goals = np.asarray(scenes.count), np.asarray(goals.count)
-    groups = np.array_split(np.argsort(states, kind="stable"), min(SIZES, len(states)))
+    groups = divide_by_size(states, np.zeros_like(states), SIZES)
     return tuple(ScenesOfSize(tuple(g.tolist()), int(states[g].max()), int(n_goals[g].max())) for g in groups)
 
 

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float32, Int, Int32
 
-from relm_irl_jax.agents.padding import pad_and_stack
+from relm_irl_jax.agents.padding import divide_by_size, pad_and_stack
 from relm_irl_jax.rewards.imagined import ImaginedTargets
 from relm_irl_jax.world import World
 
@@ -54,29 +54,6 @@ class SizeClass:
     def n_states(self) -> int:
         """Number of states of the largest scene."""
         return self.successor.shape[1]
-
-
-def divide_by_size(
-    sizes: Int[np.ndarray, "scenes"], scene_head: Int[np.ndarray, "scenes"], at_once: int
-) -> list[Int[np.ndarray, "_"]]:
-    """Divide scenes into classes of similar size, each of one head and of about equally many scenes.
-
-    Args:
-        sizes: number of states of each scene.
-        scene_head: head of each scene.
-        at_once: number of classes; at least one for each head.
-
-    Returns:
-        Numbers of the scenes of each class.
-    """
-    if len(sizes) <= at_once:
-        return [np.asarray([number]) for number in range(len(sizes))]
-    classes = []
-    for head in np.unique(scene_head):
-        scenes = np.flatnonzero(scene_head == head)
-        by_size = scenes[np.argsort(sizes[scenes], kind="stable")]
-        classes += np.array_split(by_size, max(1, round(at_once * len(scenes) / len(sizes))))
-    return [np.sort(scenes) for scenes in classes]
 
 
 def size_classes(

@@ -11,10 +11,10 @@ from builders import grid_scene
 from hypothesis import given
 from tiny import SMALL, problem
 
+from relm_irl_jax.agents.padding import divide_by_size
 from relm_irl_jax.agents.siamese.imagined_targets import draw_targets, evaluate_drawn
 from relm_irl_jax.agents.siamese.imagined_training import prepare_imagined
 from relm_irl_jax.agents.siamese.imagined_update import walk
-from relm_irl_jax.agents.siamese.size_classes import divide_by_size
 from relm_irl_jax.rewards.imagined import constant_rewards
 from relm_irl_jax.tasks import Target, TaskSplit
 from relm_irl_jax.world import build_targets, build_world
