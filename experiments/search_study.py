@@ -83,6 +83,23 @@ QUICK = (("map", 0), ("oracle", 0), ("memoryless", 0), ("relm-irl-prices", 0), (
 """Agents and first rooms of the rows of the quick study."""
 
 
+@dataclass(frozen=True)
+class Pool:
+    """The episodes of all seeds on a task.
+
+    Attributes:
+        seeds: the seeds.
+        task: the scenes and targets of all seeds.
+        drawn: the episodes of all seeds, one seed after the other; fields are [scenes, seeds · episodes].
+        present: whether a seed has targets in a scene; where it has none, its episodes are copies of others.
+    """
+
+    seeds: Sequence[int]
+    task: EvaluationTask
+    drawn: Episode
+    present: Bool[np.ndarray, "scenes seeds"]
+
+
 def main(config: Config, out: Path, *, quick: bool = False) -> None:
     """Measure the rows that are missing.
 
@@ -143,7 +160,7 @@ def measure(config: Config, row: SearchRow, out: Path) -> None:
     write_table(row.path(out), _columns(METRIC_COLUMNS, metrics))
 
 
-def run_row(config: Config, row: SearchRow, pool: "Pool", out: Path) -> Outcome:
+def run_row(config: Config, row: SearchRow, pool: Pool, out: Path) -> Outcome:
     """Run the episodes of a row.
 
     Args:
@@ -178,7 +195,7 @@ def with_features(config: Config) -> Config:
     return replace(config, agent="metric").resolved()
 
 
-def rewarded(config: Config, row: SearchRow, pool: "Pool", policy: MapPolicy) -> RewardedPolicy:
+def rewarded(config: Config, row: SearchRow, pool: Pool, policy: MapPolicy) -> RewardedPolicy:
     """Give the agent the reward that a method learned from the demonstrations of one seed.
 
     Args:
@@ -210,23 +227,6 @@ VARIANTS: dict[str, Callable[[MapPolicy], Policy]] = {
     "explorer": explorer,
     "memoryless": MemorylessPolicy,
 }
-
-
-@dataclass(frozen=True)
-class Pool:
-    """The episodes of all seeds on a task.
-
-    Attributes:
-        seeds: the seeds.
-        task: the scenes and targets of all seeds.
-        drawn: the episodes of all seeds, one seed after the other; fields are [scenes, seeds · episodes].
-        present: whether a seed has targets in a scene; where it has none, its episodes are copies of others.
-    """
-
-    seeds: Sequence[int]
-    task: EvaluationTask
-    drawn: Episode
-    present: Bool[np.ndarray, "scenes seeds"]
 
 
 def pooled_tasks(config: Config, name: Task, episodes: int, seeds: Sequence[int]) -> Pool:

@@ -35,10 +35,10 @@ NAMES = {
 }
 """What is measured, by name."""
 
-REWARDED = ("rl-prices", "elm-irl-prices", "relm-irl-prices", "relm-irl-prior")
-"""Rows in which the agent has a learned reward, or RL's, which changes nothing."""
-
-ORDER = ("oracle", "map", "package", "memoryless", "explorer", "random", *REWARDED)
+ORDER = (
+    *("oracle", "map", "package", "memoryless", "explorer", "random"),
+    *("rl-prices", "elm-irl-prices", "relm-irl-prices", "relm-irl-prior"),
+)
 
 
 @dataclass(frozen=True)
