@@ -66,10 +66,7 @@ def copy_tables(study: Path) -> None:
     for name in ("map", "map-vizdoom"):
         for path in (study / name).glob("*.csv"):
             shutil.copyfile(path, TABLES / name / path.name)
-    for path, name in SINGLE.items():
-        if (study / path).is_file():
-            shutil.copyfile(study / path, TABLES / name)
-    for path, name in FIGURES.items():
+    for path, name in FILES.items():
         if (study / path).is_file():
             shutil.copyfile(study / path, ROOT / "docs" / name)
     if (path := study / "trainings" / "trainings.csv").is_file():
@@ -77,23 +74,18 @@ def copy_tables(study: Path) -> None:
         shutil.copyfile(path, TABLES / f"speed-trainings-{'cpu' if on_cpu else 'gpu'}.csv")
 
 
-SINGLE = {
-    "reward-ranks/reward-ranks.csv": "reward-ranks.csv",
-    "elm/choices.csv": "elm-selections.csv",
-    "stability/stability.csv": "stability.csv",
-    "peers/peers.csv": "speed-peers.csv",
-    "scaling/scaling.csv": "speed-scaling.csv",
-}
-"""Single tables of a study, and their names in `docs/tables`."""
-
-
-FIGURES = {
+FILES = {
+    "reward-ranks/reward-ranks.csv": "tables/reward-ranks.csv",
+    "elm/choices.csv": "tables/elm-selections.csv",
+    "stability/stability.csv": "tables/stability.csv",
+    "peers/peers.csv": "tables/speed-peers.csv",
+    "scaling/scaling.csv": "tables/speed-scaling.csv",
     "rooms.png": "training-rooms.png",
     "elm/figure-7.png": "elm-neurons.png",
     "elm/figure-8-10.png": "elm-predictions.png",
     "elm/figure-9.png": "elm-press.png",
 }
-"""Figures of a study, and their names in `docs`."""
+"""Single tables and figures of a study, and their places in `docs`."""
 
 
 def written(page: str) -> str:

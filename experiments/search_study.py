@@ -25,16 +25,16 @@ from relm_irl_jax.evaluation import Episodes, draw_episodes, evaluation_key
 from relm_irl_jax.files import write_table
 from relm_irl_jax.progress import console, progress_bar
 from relm_irl_jax.rewards.learned import predicted_observations
+from relm_irl_jax.rewards.predicted import RewardPredictor
 from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.stages.encoding import encode_training
 from relm_irl_jax.stages.evaluation import result_rows
 from relm_irl_jax.stages.make_agent import make_agent
-from relm_irl_jax.stages.rewards import make_predictor
 from relm_irl_jax.stages.worlds import EvaluationTask, evaluation_task, standardised_world
 from relm_irl_jax.studies.search_page import FAILURE_COLUMNS, METRIC_COLUMNS, SearchRow
-from relm_irl_jax.studies.study import complete_run, learn_shared
-from relm_irl_jax.tasks import Target, draw_split
+from relm_irl_jax.studies.study import complete_run, shared_rewards
+from relm_irl_jax.tasks import Target
 from relm_irl_jax.types import Policy
 from relm_irl_jax.world import build_targets, scene_offsets
 
@@ -210,12 +210,9 @@ def rewarded(config: Config, row: SearchRow, pool: Pool, policy: MapPolicy) -> R
     (method, use), task = REWARDED[row.agent], pool.task
     if method == "rl":
         return RewardedPolicy(policy, jnp.ones((len(task.chosen), len(task.world.scene)), jnp.float32), use)
-    config, seed = with_features(config), pool.seeds[0]
-    scenes = encode_training(config).scenes
-    learned = learn_shared(config, scenes, draw_split(scenes, (), config.tasks, seed), seed)
-    basis = replace(learned, phi=tuple(learned.basis.phi(scene) for scene in task.scenes))
-    predictor = make_predictor(basis, method, task.scenes)
-    assert predictor is not None
+    learned = shared_rewards(with_features(config), pool.seeds[0])
+    phi = [learned.basis.phi(scene) for scene in task.scenes]
+    predictor = RewardPredictor(task.scenes, phi, learned.regressors[method], learned.form)
     cost = -predicted_observations(task.scenes, task.chosen, predictor)
     return RewardedPolicy(policy, jnp.asarray(cost), use)
 

@@ -99,6 +99,19 @@ def learn_shared(config: Config, scenes: Sequence[Scene], split: TaskSplit, seed
         The learned rewards.
     """
     del scenes, split
+    return shared_rewards(config, seed)
+
+
+def shared_rewards(config: Config, seed: int) -> LearnedRewards:
+    """The rewards of a seed, learned once for all runs of this process that share them.
+
+    Args:
+        config: the configuration.
+        seed: the seed.
+
+    Returns:
+        The learned rewards.
+    """
     fitted = replace(_only(config, PREDICTION_FIELDS), elm=replace(config.elm, predict_from="start"))
     demonstrated = _demonstrated(_only(config, DEMONSTRATION_FIELDS), seed)
     return replace(demonstrated, regressors=_regressors(fitted, seed))

@@ -74,6 +74,10 @@ class Memory:
     action: Int32[Array, "*batch"]
     steps: Int32[Array, "*batch"]
 
+    def after(self, action: Int32[Array, "*batch"]) -> "Memory":
+        """The memory after an action is chosen."""
+        return replace(self, action=action, steps=self.steps + 1)
+
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
@@ -139,7 +143,7 @@ class MapPolicy:
         memory = remember(self, memory, observation)
         choose = lambda memory, target: think(self, memory, target)[0]  # noqa: E731
         action = choose_where_running(choose, memory, target, observation.running)
-        return Memory(memory.grid, memory.odometry, action, memory.steps + 1), action
+        return memory.after(action), action
 
     def belief(self, memory: Memory, target: Int32[Array, "scenes batch"]) -> Belief:
         """Where it believes the target to be; see `relm_irl_jax.types.SearchingPolicy`.

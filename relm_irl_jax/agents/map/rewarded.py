@@ -61,8 +61,8 @@ class RewardedPolicy:
 
     @property
     def deterministic(self) -> bool:
-        """It draws nothing at random."""
-        return True
+        """As the mapping agent's policy."""
+        return self.policy.deterministic
 
     def init(self, shape: tuple[int, ...]) -> RewardedMemory:
         """The memory at the start of an episode.
@@ -107,8 +107,7 @@ class RewardedPolicy:
             return think(self.policy, memory.memory, target, prior=WEIGHT * nearness(memory.cost, memory.views))[0]
 
         action = choose_where_running(choose, RewardedMemory(now, cost, views), target, observation.running)
-        after = Memory(now.grid, now.odometry, action, now.steps + 1)
-        return RewardedMemory(after, cost, views), action
+        return RewardedMemory(now.after(action), cost, views), action
 
 
 def nearness(cost: Float32[Array, "batch z x"], views: Float32[Array, "batch z x"]) -> Float32[Array, "batch z x"]:

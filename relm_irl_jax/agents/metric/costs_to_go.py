@@ -82,8 +82,7 @@ class ScenesOfSize(NamedTuple):
 
 
 SIZES = 4
-"""Groups of scenes of similar size, at most. Costs of a scene take time like the square of its padded size: in 60 rooms
-a third of the time of one group."""
+"""Groups of scenes of similar size, at most. Costs of a scene take time like the square of its padded size."""
 
 
 def scenes_by_size(scenes: SceneStates, goals: Goals) -> tuple[ScenesOfSize, ...]:
