@@ -24,7 +24,7 @@ FRAMES  ?=  ## Training frames for each method and seed: 5000000, 5e6, 5M or 600
 RUN     ?=  ## Folder of the run, or of what bench and paper write.
 BENCH   ?=  ## Some of peers, trainings, agent, scaling, elm, irl, encoder; all by default.
 PIECE   ?=  ## Pieces of the paper: siamese, metric, ablation, report, ...; all by default.
-VARIANT ?=  ## Variants of the ablation; all by default.
+VARIANT ?=  ## Variants of the pieces that have some; all by default.
 QUICK   ?=  ## 1 for tiny rooms, few frames and seeds: whether everything runs, not what it finds.
 JOBS    ?=  ## Runs of a study at a time; 1 by default.
 ARGS    ?=  ## More options of the command, as in ARGS="--siamese.width 256"; for tests, of pytest.

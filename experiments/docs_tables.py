@@ -1,7 +1,7 @@
 """The tables of the documentation, from the committed CSV files and from nothing else: `make tables`.
 
     make tables RUN=runs/paper    copy the tables of a study into docs/tables and its figures into docs, then write the
-                                  tables of the pages
+                                  tables of the pages; rows of variants that this study has not run stay as they are
     make tables RUN=runs/bench    the same with what the benchmarks have measured
     make tables                   write those of the pages from docs/tables
 
@@ -11,6 +11,7 @@ A page says where a table belongs, and which, between two comments:
     <!-- table: differences siamese -->  RELM-IRL minus the other methods, paired over seeds
     <!-- table: summary siamese siamese-long -->    SR and SPL of several pieces, and the paper's
     <!-- table: rooms unseen many-rooms -->         success in unseen rooms against the number of training rooms
+    <!-- table: contributions -->                  what memory and adaptation add
     <!-- table: search -->                          the mapping agent in unseen rooms
     <!-- table: ranks -->                           ranks of targets by predicted reward
     <!-- table: variants ablation metric -->       a base and its variants, of all agents or those named
@@ -27,19 +28,23 @@ import math
 import re
 import shutil
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from relm_irl_jax.benchmarks.rows import three_digits
-from relm_irl_jax.files import read_table, write_bytes
+from relm_irl_jax.errors import InputError
+from relm_irl_jax.files import read_table, write_bytes, write_table
 from relm_irl_jax.report.comparison import BASELINES, markdown_difference
+from relm_irl_jax.report.figures import FIGURE_DPI
 from relm_irl_jax.report.intervals import MeanInterval
 from relm_irl_jax.report.names import TASK_NAMES, in_order, method_name, metric_name
 from relm_irl_jax.report.tables import MEAN, paper_value
 from relm_irl_jax.results import PREDICTED, TASKS
 from relm_irl_jax.studies.ablation import BASE, METRICS, load_ablation
-from relm_irl_jax.studies.page import RUN_TITLES
+from relm_irl_jax.studies.contributions import contributions_table
+from relm_irl_jax.studies.page import RUN_TITLES, STUDY_TEXTS
 from relm_irl_jax.studies.reward_tables import selections_table, stability_table
+from relm_irl_jax.studies.rooms_figure import rooms_figure, unseen_by_rooms
 from relm_irl_jax.studies.search_page import maps_table, saved_rows, search_table
 
 ROOT = Path(__file__).parents[1]
@@ -61,8 +66,10 @@ def copy_tables(study: Path) -> None:
         for path in sorted((study / name / "tables").glob("*.csv")):
             if path.stem == "differences" or path.stem.startswith("task-"):
                 shutil.copyfile(path, TABLES / f"{name}-{path.name}")
-    for path in (study / "tables").glob("*.csv"):
-        shutil.copyfile(path, TABLES / path.name)
+    for name, keys in MERGED.items():
+        if (path := study / "tables" / f"{name}.csv").is_file():
+            committed = TABLES / path.name
+            write_table(committed, merged(read_table(committed) if committed.exists() else {}, read_table(path), keys))
     for name in ("map", "map-vizdoom"):
         for path in (study / name).glob("*.csv"):
             shutil.copyfile(path, TABLES / name / path.name)
@@ -74,13 +81,43 @@ def copy_tables(study: Path) -> None:
         shutil.copyfile(path, TABLES / f"speed-trainings-{'cpu' if on_cpu else 'gpu'}.csv")
 
 
+def merged(old: Mapping[str, list[str]], new: Mapping[str, list[str]], keys: Sequence[str]) -> dict[str, list[str]]:
+    """Replace the rows of a table that another one has measured again.
+
+    Args:
+        old: columns of the table.
+        new: columns of the same names, of some of its rows and of further ones.
+        keys: the columns that name a row, or several rows that were measured together.
+
+    Returns:
+        The columns: of the rows whose keys both have, those of `new`; rows with the same first key stand together.
+    """
+    if old and list(old) != list(new):
+        raise InputError(f"docs/tables: a table has columns {', '.join(old)} instead of {', '.join(new)}; remove it.")
+    rows: dict[tuple[str, ...], list[tuple[str, ...]]] = {}
+    for table in (old, new):
+        measured: dict[tuple[str, ...], list[tuple[str, ...]]] = {}
+        for line in zip(*table.values(), strict=True):
+            row = dict(zip(table, line, strict=True))
+            measured.setdefault(tuple(row[key] for key in keys), []).append(line)
+        rows |= measured
+    first = list(dict.fromkeys(key[0] for key in rows))
+    lines = [line for key in sorted(rows, key=lambda key: first.index(key[0])) for line in rows[key]]
+    return dict(zip(new, map(list, zip(*lines, strict=True)), strict=True))
+
+
+MERGED = {
+    **dict.fromkeys(STUDY_TEXTS, ("agent", "variant")),
+    "contributions": ("part", "rooms"),
+}
+"""Tables of a study of which parts can be measured, and what names their parts."""
+
 FILES = {
     "reward-ranks/reward-ranks.csv": "tables/reward-ranks.csv",
     "elm/choices.csv": "tables/elm-selections.csv",
     "stability/stability.csv": "tables/stability.csv",
     "peers/peers.csv": "tables/speed-peers.csv",
     "scaling/scaling.csv": "tables/speed-scaling.csv",
-    "rooms.png": "training-rooms.png",
     "elm/figure-7.png": "elm-neurons.png",
     "elm/figure-8-10.png": "elm-predictions.png",
     "elm/figure-9.png": "elm-press.png",
@@ -178,19 +215,15 @@ SHORT = {
 
 def _rooms(*names: str) -> list[str]:
     """SR / SPL on Task III by agent and number of training rooms."""
-    found: dict[tuple[str, int], dict[str, MeanInterval]] = {}
-    for name in names:
-        for (line, rooms, task, metric), value in _intervals(f"{name}.csv", "line", "rooms", "task", "metric"):
-            if task == "III":
-                found.setdefault((line, int(rooms)), {})[metric] = value
-    counts = sorted({rooms for _, rooms in found})
-    lines = ["| SR / SPL in unseen rooms, trained on | " + " | ".join(f"{count} rooms" for count in counts) + " |"]
-    lines.append("|---|" + "---:|" * len(counts))
-    for line in dict.fromkeys(line for line, _ in found):
-        values = [found.get((line, count)) for count in counts]
+    lines = unseen_by_rooms(*(read_table(TABLES / f"{name}.csv") for name in names))
+    counts = sorted({rooms for by_rooms in lines.values() for rooms in by_rooms})
+    table = ["| SR / SPL in unseen rooms, trained on | " + " | ".join(f"{count} rooms" for count in counts) + " |"]
+    table.append("|---|" + "---:|" * len(counts))
+    for line, by_rooms in lines.items():
+        values = [by_rooms.get(count) for count in counts]
         cells = ["" if value is None else f"{value['sr']} / {value['spl']}" for value in values]
-        lines.append(f"| {line} | " + " | ".join(cells) + " |")
-    return lines
+        table.append(f"| {line} | " + " | ".join(cells) + " |")
+    return table
 
 
 def _search() -> list[str]:
@@ -287,6 +320,7 @@ KINDS: dict[str, Callable[..., list[str]]] = {
     "differences": _differences,
     "summary": _summary,
     "rooms": _rooms,
+    "contributions": lambda: contributions_table(read_table(TABLES / "contributions.csv")),
     "search": _search,
     "ranks": _ranks,
     "variants": _variants,
@@ -301,9 +335,11 @@ KINDS: dict[str, Callable[..., list[str]]] = {
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Copy the tables of the named studies, and write the pages."""
+    """Copy the tables of the named studies, draw the figure over training rooms, and write the pages."""
     for study in arguments:
         copy_tables(Path(study))
+    rooms = unseen_by_rooms(*(read_table(TABLES / f"{name}.csv") for name in ("unseen", "many-rooms")))
+    rooms_figure(rooms).savefig(ROOT / "docs" / "training-rooms.png", dpi=FIGURE_DPI)
     for page in PAGES:
         text = page.read_text()
         if (new := written(text)) != text:

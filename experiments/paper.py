@@ -84,7 +84,7 @@ class Paper:
     pieces: tuple[Piece, ...] = PIECES
     """Pieces to run; the report is written after any of them."""
     variants: tuple[str, ...] = ()
-    """Variants of the ablation; all where none is named."""
+    """Variants of the pieces that have some; all where none is named."""
     quick: bool = False
     """Tiny rooms, few frames and seeds: whether everything runs, not what it finds."""
     out: Path | None = None
@@ -105,10 +105,10 @@ def main(settings: Paper) -> Path:
     out = settings.out or Path("runs") / ("paper-quick" if settings.quick else "paper")
     overlays = [QUICK] if settings.quick else []
     studies = {name: load_ablation(PRESETS / f"{name}.toml") for name in STUDY_TEXTS}
-    known = studies["ablation"].variants
-    unknown = [name for name in settings.variants if name not in known]
+    known = [variant for name, study in studies.items() if name in settings.pieces for variant in study.variants]
+    unknown = [variant for variant in settings.variants if variant not in known]
     if unknown:
-        raise InputError(f"variants: there is no {unknown[0]}; known variants: {', '.join(known)}.")
+        raise InputError(f"variants: there is no {unknown[0]}; variants of these pieces: {', '.join(known) or 'none'}.")
     changes = read_fields(QUICK) if settings.quick else {}
     chosen = [name for name in RUN_TITLES if name in settings.pieces]
     times = out / "tables" / "times.csv"
@@ -120,8 +120,8 @@ def main(settings: Paper) -> Path:
         for name, study in studies.items():
             if name in settings.pieces:
                 variants = [n for n, variant in study.variants.items() if variant.quick or not settings.quick]
-                if name == "ablation" and settings.variants:
-                    variants = list(settings.variants)
+                if settings.variants:
+                    variants = [variant for variant in settings.variants if variant in study.variants]
                 with timed(times, name):
                     run_ablation(study, variants, changes, out / name)
     for name, run in _other_pieces(settings, overlays, out).items():

@@ -10,6 +10,8 @@ from pathlib import Path
 import pytest
 import yaml
 
+from relm_irl_jax.errors import InputError
+
 ROOT = Path(__file__).parents[1]
 PAGES = [
     *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")),
@@ -47,6 +49,18 @@ def test_tables_of_results_are_those_of_the_committed_files(page, monkeypatch):
     monkeypatch.syspath_prepend(ROOT / "experiments")
     written = import_module("docs_tables").written
     assert written(page.read_text()) == page.read_text(), "make tables writes them"
+
+
+def test_what_a_study_has_measured_replaces_those_rows_alone(monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / "experiments")
+    merged = import_module("docs_tables").merged
+    old = {"agent": ["a", "a", "b"], "variant": ["x", "y", "x"], "mean": ["1", "2", "3"]}
+    new = {"agent": ["b", "a", "a"], "variant": ["x", "y", "z"], "mean": ["30", "20", "40"]}
+    expected = {"agent": ["a", "a", "a", "b"], "variant": ["x", "y", "z", "x"], "mean": ["1", "20", "40", "30"]}
+    assert merged(old, new, ("agent", "variant")) == expected
+    assert merged({}, old, ("agent", "variant")) == old
+    with pytest.raises(InputError, match="columns agent instead of agent, variant, mean"):
+        merged({"agent": ["a"]}, new, ("agent", "variant"))
 
 
 def test_the_menu_names_every_page():

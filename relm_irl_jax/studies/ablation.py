@@ -87,8 +87,8 @@ class AblationRow:
         title: description of the change.
         seeds: number of seeds.
         frames: training frames of each seed.
-        value: mean and interval of each task and metric.
-        change: paired difference from the base on the same seeds; empty for the base.
+        by_seed: values of each task and metric, by seed.
+        change: paired difference from the base on the same seeds; empty for the base, and where the base is missing.
         rank: mean and interval of the median rank of a new target among its scene's states, by predicted reward.
         rooms: number of training rooms, if they are built-in ones.
         line: the row's name in a figure over the number of training rooms.
@@ -99,11 +99,16 @@ class AblationRow:
     title: str
     seeds: int
     frames: int
-    value: Mapping[tuple[str, str], MeanInterval]
+    by_seed: BySeed
     change: Mapping[tuple[str, str], MeanInterval]
     rank: MeanInterval
     rooms: int
     line: str
+
+    @property
+    def value(self) -> dict[tuple[str, str], MeanInterval]:
+        """Mean and interval of each task and metric."""
+        return {key: mean_interval(list(seeds.values())) for key, seeds in self.by_seed.items()}
 
 
 def load_ablation(path: Path) -> Ablation:
@@ -199,14 +204,14 @@ def ablation_rows(ablation: Ablation, changes: Mapping[str, Any], folder: Path) 
         folder: folder of all runs of the ablation.
 
     Returns:
-        The rows, the base of each agent first.
+        The rows, the base of each agent first, if it is finished.
     """
     rows = []
     for agent in get_args(AgentName):
         base: BySeed = {}
         for name in (BASE, *ablation.variants):
             config = variant_config(ablation, name, agent, changes, folder)
-            if not is_finished(config, ablation.tasks) or (name != BASE and not base):
+            if not is_finished(config, ablation.tasks):
                 continue
             run = RunFolder(folder / f"{agent}-{name}")
             method = (name != BASE and ablation.variants[name].method) or ablation.method
@@ -219,10 +224,8 @@ def ablation_rows(ablation: Ablation, changes: Mapping[str, Any], folder: Path) 
             if name == BASE:
                 base = values_by_seed
             title = ablation.title if name == BASE else ablation.variants[name].title
-            value = {key: mean_interval(list(seeds.values())) for key, seeds in values_by_seed.items()}
-            change = {
-                key: paired_difference(seeds, base[key])[0] for key, seeds in values_by_seed.items() if name != BASE
-            }
+            compared = base if name != BASE else {}
+            change = {key: paired_difference(values_by_seed[key], seeds)[0] for key, seeds in compared.items()}
             rank = mean_interval([_rank_of_new_targets(run, method, seed) for seed in range(config.seeds)])
             rows.append(
                 AblationRow(
@@ -231,7 +234,7 @@ def ablation_rows(ablation: Ablation, changes: Mapping[str, Any], folder: Path) 
                     title=title,
                     seeds=config.seeds,
                     frames=config.training_frames,
-                    value=value,
+                    by_seed=values_by_seed,
                     change=change,
                     rank=rank,
                     rooms=training_rooms_count(config),
@@ -255,7 +258,7 @@ def ablation_columns(rows: Sequence[AblationRow]) -> dict[str, list]:
         rows: the rows.
 
     Returns:
-        Columns for `write_table`; the base's change is NaN.
+        Columns for `write_table`; a change is NaN where there is none.
     """
     undefined = MeanInterval(float("nan"), float("nan"))
     table = []

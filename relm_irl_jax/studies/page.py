@@ -16,8 +16,9 @@ from relm_irl_jax.report.run_report import circumstances, run_sections, write_pa
 from relm_irl_jax.results import load_all_results
 from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.studies.ablation import AblationRow, ablation_columns, ablation_table
+from relm_irl_jax.studies.contributions import contributions, contributions_table
 from relm_irl_jax.studies.reward_tables import selections_table, stability_table
-from relm_irl_jax.studies.rooms_figure import rooms_figure
+from relm_irl_jax.studies.rooms_figure import rooms_figure, unseen_by_rooms
 from relm_irl_jax.studies.search_page import maps_section, search_section
 from relm_irl_jax.studies.times import times_table
 
@@ -111,6 +112,7 @@ def write_study(out: Path, studies: Mapping[str, Sequence[AblationRow]]) -> Path
     text += _readable(_regressor, out)
     for name, of_study in rows.items():
         text += _study(out, name, of_study)
+    text += _contributions(out, rows["many-rooms"])
     text += _rooms_figure(out, [*rows["unseen"], *rows["many-rooms"]])
     text += _readable(_stability, out)
     text += _readable(search_section, out / "map")
@@ -211,11 +213,26 @@ def _study(out: Path, name: str, rows: Sequence[AblationRow]) -> list[str]:
     return [f"## {title}", "", introduction, "", *_tables_by_agent(rows)]
 
 
+def _contributions(out: Path, rows: Sequence[AblationRow]) -> list[str]:
+    """What memory and adaptation add."""
+    table = contributions(rows)
+    if not table["part"]:
+        return []
+    write_table(out / "tables" / "contributions.csv", table)
+    return [
+        "Differences between agents trained on the same rooms, paired over seeds:",
+        "",
+        *contributions_table(table),
+        "",
+    ]
+
+
 def _rooms_figure(out: Path, rows: Sequence[AblationRow]) -> list[str]:
     """The figure over the number of training rooms."""
     if not rows:
         return []
-    save_figure(rooms_figure(rows), out / "rooms.png", ablation_columns(rows))
+    table = ablation_columns(rows)
+    save_figure(rooms_figure(unseen_by_rooms(table)), out / "rooms.png", table)
     return [
         "![Success in unseen rooms against the number of training rooms](rooms.png)",
         "",

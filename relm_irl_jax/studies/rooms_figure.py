@@ -1,18 +1,41 @@
 """The figure of success in unseen rooms against the number of training rooms."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from matplotlib.figure import Figure
 
+from relm_irl_jax.report.intervals import MeanInterval
 from relm_irl_jax.report.names import metric_name
-from relm_irl_jax.studies.ablation import METRICS, AblationRow
+from relm_irl_jax.studies.ablation import METRICS
+
+ByRooms = dict[str, dict[int, dict[str, MeanInterval]]]
+"""Metrics in unseen rooms, by the line of the figure and the number of training rooms."""
 
 
-def rooms_figure(rows: Sequence[AblationRow]) -> Figure:
+def unseen_by_rooms(*tables: Mapping[str, Sequence]) -> ByRooms:
+    """Collect SR and SPL on Task III from tables of studies.
+
+    Args:
+        tables: columns as `ablation_columns` returns them, or as they are read from a file.
+
+    Returns:
+        The metrics of each line, in the order of the tables.
+    """
+    found: ByRooms = {}
+    for table in tables:
+        columns = (table[name] for name in ("line", "rooms", "task", "metric", "mean", "half_width"))
+        for line, rooms, task, metric, mean, half_width in zip(*columns, strict=True):
+            if task == "III":
+                of_rooms = found.setdefault(line, {}).setdefault(int(rooms), {})
+                of_rooms[metric] = MeanInterval(float(mean), float(half_width))
+    return found
+
+
+def rooms_figure(lines: ByRooms) -> Figure:
     """Draw SR and SPL on Task III against the number of training rooms, one line for each agent.
 
     Args:
-        rows: rows of studies that differ in the number of training rooms.
+        lines: the metrics.
 
     Returns:
         The figure; bars are 95% intervals over seeds.
@@ -20,11 +43,10 @@ def rooms_figure(rows: Sequence[AblationRow]) -> Figure:
     figure = Figure(figsize=(9.2, 3.6), layout="constrained")
     panels = figure.subplots(1, len(METRICS))
     for panel, metric in zip(panels, METRICS, strict=True):
-        for number, line in enumerate(dict.fromkeys(row.line for row in rows)):
-            of_line = sorted((row for row in rows if row.line == line), key=lambda row: row.rooms)
-            values = [row.value["III", metric] for row in of_line]
+        for number, (line, by_rooms) in enumerate(lines.items()):
+            values = [by_rooms[count][metric] for count in sorted(by_rooms)]
             panel.errorbar(
-                [row.rooms for row in of_line],
+                sorted(by_rooms),
                 [value.mean for value in values],
                 [value.half_width for value in values],
                 color=f"C{number}",
@@ -37,7 +59,7 @@ def rooms_figure(rows: Sequence[AblationRow]) -> Figure:
         panel.set(
             xscale="log", xlabel="training rooms", ylabel=f"{metric_name(metric)} in unseen rooms", ylim=(0, 1.02)
         )
-        counts = sorted({row.rooms for row in rows})
+        counts = sorted({count for by_rooms in lines.values() for count in by_rooms})
         panel.set_xticks(counts, [str(count) for count in counts])
         panel.minorticks_off()
     panels[-1].legend(frameon=False, fontsize=7.5)

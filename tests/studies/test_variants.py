@@ -23,7 +23,7 @@ from relm_irl_jax.studies.ablation import (
     variant_config,
 )
 from relm_irl_jax.studies.page import RUN_TITLES, write_study
-from relm_irl_jax.studies.rooms_figure import rooms_figure
+from relm_irl_jax.studies.rooms_figure import rooms_figure, unseen_by_rooms
 from relm_irl_jax.studies.study import is_finished, load_preset
 
 PRESETS = Path(__file__).parents[2] / "experiments" / "paper"
@@ -38,7 +38,7 @@ SMALL = Ablation(
 def test_the_tables_are_of_all_methods_and_several_seeds(name):
     config = load_preset(PRESETS / f"{name}.toml")
     agent = "siamese" if name.startswith("siamese") else "metric"
-    seeds = 3 if name == "vizdoom" else 5
+    seeds = 3 if name in ("vizdoom", "siamese-rooms") else 5
     assert (config.agent, config.seeds, config.evaluation.episodes) == (agent, seeds, 1000)
     assert len(config.chosen_methods()) == {
         "siamese": 6,
@@ -160,9 +160,11 @@ def leave_results(config: Config, values: list[float]) -> None:
 def test_the_table_pairs_finished_runs_with_the_base(tmp_path):
     base, wide = (variant_config(SMALL, name, "siamese", {}, tmp_path / "ablation") for name in (BASE, "wide"))
     assert ablation_rows(SMALL, {}, tmp_path / "ablation") == []
-    leave_results(base, [0.1, 0.5])
-    assert [line.name for line in ablation_rows(SMALL, {}, tmp_path / "ablation")] == [BASE]
     leave_results(wide, [0.2, 0.6])
+    (alone,) = ablation_rows(SMALL, {}, tmp_path / "ablation")
+    assert (alone.name, alone.change) == ("wide", {})
+    assert "| wider | 2.5 ± 6.4 | 0.40 ± 2.54 |  |" in ablation_table([alone], "sr")
+    leave_results(base, [0.1, 0.5])
     lines = ablation_rows(SMALL, {}, tmp_path / "ablation")
     assert [(line.name, line.frames) for line in lines] == [(BASE, 70), ("wide", 70)]
     change = lines[1].change["II", "sr"]
@@ -187,7 +189,7 @@ def test_success_over_the_number_of_training_rooms_is_drawn_for_each_agent(tmp_p
     rows = ablation_rows(few, {}, tmp_path / "many-rooms")
     expected = [(6, "siamese"), (60, "siamese"), (60, "siamese, another line")]
     assert [(row.rooms, row.line) for row in rows] == expected
-    success_rate, spl = rooms_figure(rows).axes
+    success_rate, spl = rooms_figure(unseen_by_rooms(ablation_columns(rows))).axes
     points = [container.lines[0].get_xydata().tolist() for container in success_rate.containers]
     assert points == [[[6, pytest.approx(0.2)], [60, pytest.approx(0.6)]], [[60, pytest.approx(0.3)]]]
     assert spl.get_ylabel() == "SPL in unseen rooms"

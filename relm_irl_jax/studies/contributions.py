@@ -1,0 +1,63 @@
+"""What memory and adaptation add: paired differences between agents that were trained on the same rooms."""
+
+from collections.abc import Mapping, Sequence
+
+from relm_irl_jax.report.comparison import markdown_difference
+from relm_irl_jax.report.intervals import MeanInterval, paired_difference
+from relm_irl_jax.report.names import metric_name
+from relm_irl_jax.results import TASKS
+from relm_irl_jax.studies.ablation import METRICS, AblationRow
+
+CONTRIBUTIONS = {
+    "memory": ("recurrent", "siamese"),
+    "training to adapt, and adapting": ("savn", "recurrent"),
+    "adapting in evaluation": ("savn", "savn, no inner step"),
+}
+"""What is added, and the lines whose difference says how much: with it, and without."""
+
+
+def contributions(rows: Sequence[AblationRow]) -> dict[str, list]:
+    """What each part adds, in each number of training rooms in which both lines have a seed in common.
+
+    Args:
+        rows: rows of a study that differ in the agent and in the number of training rooms.
+
+    Returns:
+        Columns for `write_table`: a row for each part, number of rooms, task and metric, with the mean difference over
+        seeds and half of its 95% interval.
+    """
+    by_line = {(row.line, row.rooms): row.by_seed for row in rows}
+    columns: dict[str, list] = {name: [] for name in ("part", "rooms", "task", "metric", "mean", "half_width", "seeds")}
+    for part, (with_it, without) in CONTRIBUTIONS.items():
+        for rooms in sorted({row.rooms for row in rows}):
+            first, second = (by_line.get((line, rooms), {}) for line in (with_it, without))
+            for key in (key for key in first if key in second):
+                difference, seeds = paired_difference(first[key], second[key])
+                if not seeds:
+                    continue
+                row = (part, rooms, *key, difference.mean, difference.half_width, seeds)
+                for column, value in zip(columns.values(), row, strict=True):
+                    column.append(value)
+    return columns
+
+
+def contributions_table(table: Mapping[str, Sequence]) -> list[str]:
+    """The differences as a table, bold where the interval excludes zero.
+
+    Args:
+        table: columns as `contributions` returns them, or as they are read from a file.
+
+    Returns:
+        Lines of a Markdown table.
+    """
+    found: dict[tuple[str, int], dict[tuple[str, str], MeanInterval]] = {}
+    columns = (table[name] for name in ("part", "rooms", "task", "metric", "mean", "half_width"))
+    for part, rooms, task, metric, mean, half_width in zip(*columns, strict=True):
+        found.setdefault((part, int(rooms)), {})[task, metric] = MeanInterval(float(mean), float(half_width))
+    keys = [(task, metric) for task in TASKS for metric in METRICS]
+    lines = ["| Added | Rooms | " + " | ".join(f"Task {task}: {metric_name(metric)}" for task, metric in keys) + " |"]
+    lines.append("|---|---:|" + "---:|" * len(keys))
+    for (part, rooms), differences in found.items():
+        cells = [markdown_difference(differences[key]) for key in keys]
+        lines.append(f"| {part} | {rooms} | " + " | ".join(cells) + " |")
+    return lines
