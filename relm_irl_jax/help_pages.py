@@ -20,6 +20,9 @@ COMMANDS = {
 }
 """Every command, and what it does."""
 
+HELP = ("-h", "--help")
+"""Options that ask for help."""
+
 TRAIN = """Train agents and evaluate them on a task.
 
 `--config FILE` reads other defaults from a TOML file, or from a preset such as `metric`. `--resume RUN` continues a run

@@ -172,9 +172,9 @@ def announce_stages(writing):
     pipeline.evaluate_task = announced("evaluate", pipeline.evaluate_task)
     pipeline.save_shown_episodes = announced("episodes", pipeline.save_shown_episodes)
     pipeline.write_report = announced("report", pipeline.write_report)
-    from relm_irl_jax import cli
+    from relm_irl_jax.cli import report
 
-    cli.write_report = pipeline.write_report
+    report.write_report = pipeline.write_report
 
 
 def uninterrupted(folder, all_commands, cache):

@@ -83,7 +83,7 @@ def test_command_line(monkeypatch, tmp_path, text, frames):
     def run(config):
         raise Reached(config.frames)
 
-    monkeypatch.setattr("relm_irl_jax.cli.run", run)
+    monkeypatch.setattr("relm_irl_jax.pipeline.run", run)
     with pytest.raises(Reached, match=f"^{frames}$"):
         in_process(monkeypatch, tmp_path, "train", "--frames", text)
 

@@ -14,7 +14,7 @@ import pytest
 from command import in_process
 
 import relm_irl_jax
-from relm_irl_jax.cli import _default_config
+from relm_irl_jax.cli.train import default_config
 from relm_irl_jax.config import load_config
 from relm_irl_jax.errors import TRAINING_STACK
 
@@ -57,7 +57,7 @@ def test_the_wheel_holds_weights_and_presets(tmp_path):
 @pytest.mark.parametrize("name", ["metric", "experiments/metric.toml"])
 def test_presets_are_found_by_name(monkeypatch, name):
     monkeypatch.chdir(ROOT)
-    assert _default_config(["--config", name])[0] == load_config(ROOT / "experiments" / "metric.toml")
+    assert default_config(["--config", name])[0] == load_config(ROOT / "experiments" / "metric.toml")
 
 
 def test_benchmarks_write_where_they_are_told(monkeypatch, tmp_path):

@@ -25,11 +25,11 @@ def no_work(monkeypatch):
 
     for name in (
         "relm_irl_jax.pipeline.encode_training",
-        "relm_irl_jax.cli.generate_room",
-        "relm_irl_jax.cli.import_module",
+        "relm_irl_jax.scenes.rooms.generate.generate_room",
+        "relm_irl_jax.cli.bench.import_module",
     ):
         monkeypatch.setattr(name, work)
-    monkeypatch.setattr("relm_irl_jax.cli.export_scenes", work)
+    monkeypatch.setattr("relm_irl_jax.cli.scenes.export_scenes", work)
 
 
 def one_sentence(tmp_path, *arguments):
