@@ -56,7 +56,8 @@ from relm_irl_jax.report.run_settings import load_run_settings  # noqa: E402
 from relm_irl_jax.results import load_results, load_reward_quality, save_results  # noqa: E402
 from relm_irl_jax.run_config import find_run  # noqa: E402
 from relm_irl_jax.run_folder import RunFolder  # noqa: E402
-from relm_irl_jax.saved_maps import load_episodes, load_map, save_episodes, save_map  # noqa: E402
+from relm_irl_jax.saved_episodes import load_episodes, save_episodes  # noqa: E402
+from relm_irl_jax.saved_maps import load_map, save_map  # noqa: E402
 from relm_irl_jax.scenes.check import check_files  # noqa: E402
 from relm_irl_jax.scenes.scene_file import load_scene, save_scene  # noqa: E402
 

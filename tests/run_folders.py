@@ -13,7 +13,9 @@ from relm_irl_jax.files import write_bytes, write_json, write_table
 from relm_irl_jax.report import run_figures
 from relm_irl_jax.results import ResultRow, Results, RewardQualityRow, Task, save_results, save_reward_quality
 from relm_irl_jax.run_folder import RunFolder
-from relm_irl_jax.saved_maps import SHORTEST_PATH, SavedEpisode, StateMap, poses_of, save_episodes, save_map
+from relm_irl_jax.saved_episodes import SavedEpisode, save_episodes
+from relm_irl_jax.saved_maps import SHORTEST_PATH, StateMap, save_map
+from relm_irl_jax.saved_poses import poses_of
 
 ROOM = grid_scene(3, 2)
 """Six places, 24 states; state 4 · (2 · column + row) + heading."""

@@ -26,7 +26,9 @@ LAYERS = (
     (
         "run_folder",
         "results",
+        "saved_poses",
         "saved_maps",
+        "saved_episodes",
         "saved_searches",
         "parameters",
         "cluster",

@@ -12,15 +12,9 @@ from run_folders import POSES, ROOM, episode, state_map
 
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.files import load_arrays_and_metadata, save_arrays
-from relm_irl_jax.saved_maps import (
-    SHORTEST_PATH,
-    ScenePoses,
-    load_episodes,
-    load_map,
-    poses_of,
-    save_episodes,
-    save_map,
-)
+from relm_irl_jax.saved_episodes import load_episodes, save_episodes
+from relm_irl_jax.saved_maps import SHORTEST_PATH, load_map, save_map
+from relm_irl_jax.saved_poses import ScenePoses, poses_of
 
 
 def same_poses(one: ScenePoses, other: ScenePoses) -> bool:

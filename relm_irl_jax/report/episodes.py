@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from relm_irl_jax.report.names import method_name, target_name
-from relm_irl_jax.saved_maps import SavedEpisode
+from relm_irl_jax.saved_episodes import SavedEpisode
 from relm_irl_jax.scenes.scene import GRID_STEP
 
 COLUMNS = 3

@@ -10,7 +10,8 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
 from relm_irl_jax.report.names import in_order, listed, method_name, target_name
-from relm_irl_jax.saved_maps import SHORTEST_PATH, ScenePoses, StateMap
+from relm_irl_jax.saved_maps import SHORTEST_PATH, StateMap
+from relm_irl_jax.saved_poses import ScenePoses
 from relm_irl_jax.scenes.scene import GRID_STEP, HEADINGS
 
 COLUMNS = 3

@@ -26,7 +26,8 @@ from relm_irl_jax.report.searches import search_caption, search_columns, search_
 from relm_irl_jax.report.tables import columns_of, interval_of, methods_of, seeds_of
 from relm_irl_jax.results import LEARNED, PREDICTED, Results, RewardQualityRow, Task, is_of_run, load_reward_quality
 from relm_irl_jax.run_folder import RunFolder
-from relm_irl_jax.saved_maps import StateMap, load_episodes, load_map
+from relm_irl_jax.saved_episodes import load_episodes
+from relm_irl_jax.saved_maps import StateMap, load_map
 from relm_irl_jax.saved_searches import load_searches
 
 CURVELESS = ("random", "bc")

@@ -11,7 +11,8 @@ from relm_irl_jax.config import Config, Method, Task
 from relm_irl_jax.evaluation import trace_episodes
 from relm_irl_jax.experts import follow_expert, shortest_path_expert
 from relm_irl_jax.run_folder import RunFolder
-from relm_irl_jax.saved_maps import SavedEpisode, poses_of, save_episodes
+from relm_irl_jax.saved_episodes import SavedEpisode, save_episodes
+from relm_irl_jax.saved_poses import poses_of
 from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.scenes.selection import scene_to_show
 from relm_irl_jax.stages.encoding import EncodedScenes

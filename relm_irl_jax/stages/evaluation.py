@@ -16,7 +16,8 @@ from relm_irl_jax.parameters import load_parameters
 from relm_irl_jax.progress import progress_bar
 from relm_irl_jax.results import ResultRow, Results, load_entries, save_results
 from relm_irl_jax.run_folder import RunFolder
-from relm_irl_jax.saved_maps import SHORTEST_PATH, StateMap, poses_of, save_map
+from relm_irl_jax.saved_maps import SHORTEST_PATH, StateMap, save_map
+from relm_irl_jax.saved_poses import poses_of
 from relm_irl_jax.scenes.scene import first_of_each_type
 from relm_irl_jax.stages.agents_beside import rows_beside, runs_beside
 from relm_irl_jax.stages.encoding import EncodedScenes

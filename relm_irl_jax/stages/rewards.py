@@ -18,7 +18,8 @@ from relm_irl_jax.rewards.learned import LearnedRewards, learn_rewards
 from relm_irl_jax.rewards.predicted import RewardPredictor
 from relm_irl_jax.rewards.quality import RewardQuality, predicted_reward_quality, reward_quality
 from relm_irl_jax.run_folder import RunFolder
-from relm_irl_jax.saved_maps import StateMap, poses_of, save_map
+from relm_irl_jax.saved_maps import StateMap, save_map
+from relm_irl_jax.saved_poses import poses_of
 from relm_irl_jax.scenes.scene import Scene, first_of_each_type
 from relm_irl_jax.tasks import Target, TaskSplit
 

@@ -10,7 +10,7 @@ from jaxtyping import Int32, PRNGKeyArray
 
 from relm_irl_jax.config import Config
 from relm_irl_jax.run_folder import RunFolder
-from relm_irl_jax.saved_maps import poses_of
+from relm_irl_jax.saved_poses import poses_of
 from relm_irl_jax.saved_searches import SavedSearch, save_searches
 from relm_irl_jax.scenes.scene import GRID_STEP, Scene
 from relm_irl_jax.scenes.selection import scene_to_show

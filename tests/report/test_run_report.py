@@ -94,7 +94,7 @@ def test_the_report_is_drawn_without_agents_or_jax_and_from_its_folder_alone(dra
         "results",
         "run_folder",
     }
-    assert layers <= known | {"saved_maps", "saved_searches", "scenes"}
+    assert layers <= known | {"saved_poses", "saved_maps", "saved_episodes", "saved_searches", "scenes"}
     of_scenes = {name.removeprefix("relm_irl_jax.") for name in loaded if "scenes" in name}
     assert of_scenes <= {"scenes", "scenes.scene", "scenes.settings"}
     assert not any(name.startswith(("jax", "flax")) for name in loaded)

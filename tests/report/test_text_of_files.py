@@ -21,7 +21,8 @@ from relm_irl_jax.report.names import as_code, as_message, as_text
 from relm_irl_jax.report.run_report import write_report
 from relm_irl_jax.report.tables import console_table
 from relm_irl_jax.results import save_results
-from relm_irl_jax.saved_maps import save_episodes, save_map
+from relm_irl_jax.saved_episodes import save_episodes
+from relm_irl_jax.saved_maps import save_map
 
 FUZZ = settings(max_examples=100, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 MARKDOWN = MarkdownIt("gfm-like", {"linkify": False})
