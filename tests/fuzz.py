@@ -322,19 +322,26 @@ def changed_arguments(generator, content):
     return json.dumps(arguments).encode()
 
 
-DONE = (
-    *("run", "evaluate_run", "write_report", "load_results", "play_run", "_play_by_keyboard", "console_table"),
-    *("_show", "_generate", "_export", "import_module", "load_run_settings", "scene_files", "locked"),
-)
-"""Names in the command line's module that do what a command says."""
+DONE = {
+    "pipeline": ("run",),
+    "results": ("load_results",),
+    "cli.output": ("show_results",),
+    "cli.evaluate": ("evaluate_run", "load_results", "show_results"),
+    "cli.report": ("write_report", "load_results", "load_run_settings", "locked", "show_results"),
+    "cli.play": ("play", "_play_by_keyboard"),
+    "cli.scenes": ("_generate", "_export", "scene_files"),
+    "cli.bench": ("import_module",),
+}
+"""What does what a command says, by the module that calls it."""
 
 
 def read_arguments(path):
     """Parse a command line, without doing what it says."""
     out = io.StringIO()
     with contextlib.ExitStack() as stack, contextlib.chdir(path.parent):
-        for name in DONE:
-            stack.enter_context(mock.patch.object(cli, name, mock.MagicMock()))
+        for module, names in DONE.items():
+            for name in names:
+                stack.enter_context(mock.patch(f"relm_irl_jax.{module}.{name}", mock.MagicMock()))
         arguments = json.loads(path.read_bytes())
         stack.enter_context(mock.patch.object(sys, "argv", ["relm-irl", *arguments]))
         stack.enter_context(contextlib.redirect_stdout(out))
