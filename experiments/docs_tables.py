@@ -216,11 +216,17 @@ SHORT = {
 def _rooms(*names: str) -> list[str]:
     """SR / SPL on Task III by agent and number of training rooms."""
     lines = unseen_by_rooms(*(read_table(TABLES / f"{name}.csv") for name in names))
-    counts = sorted({rooms for by_rooms in lines.values() for rooms in by_rooms})
-    table = ["| SR / SPL in unseen rooms, trained on | " + " | ".join(f"{count} rooms" for count in counts) + " |"]
+    counts: list[list[int]] = []
+    for count in sorted({rooms for by_rooms in lines.values() for rooms in by_rooms}):
+        if counts and count <= 1.01 * counts[-1][0]:  # 200 and 201 rooms share a column
+            counts[-1].append(count)
+        else:
+            counts.append([count])
+    heads = [" or ".join(map(str, near)) for near in counts]
+    table = ["| SR / SPL in unseen rooms, trained on | " + " | ".join(f"{head} rooms" for head in heads) + " |"]
     table.append("|---|" + "---:|" * len(counts))
     for line, by_rooms in lines.items():
-        values = [by_rooms.get(count) for count in counts]
+        values = [next((by_rooms[count] for count in near if count in by_rooms), None) for near in counts]
         cells = ["" if value is None else f"{value['sr']} / {value['spl']}" for value in values]
         table.append(f"| {line} | " + " | ".join(cells) + " |")
     return table

@@ -43,6 +43,7 @@ def test_the_tables_are_of_all_methods_and_several_seeds(name):
     assert len(config.chosen_methods()) == {
         "siamese": 6,
         "siamese-long": 6,
+        "siamese-rooms": 6,
         "siamese-told": 4,
         "metric-no-hindsight": 6,
         "metric-reward-alone": 4,
