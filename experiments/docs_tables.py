@@ -238,10 +238,11 @@ def _search() -> list[str]:
 
 
 def _ranks() -> list[str]:
-    """Median rank of new and of uniformly drawn targets by the predicted reward."""
+    """Median rank of new, uniformly drawn and unseen targets by the predicted reward."""
     found = dict(_intervals("reward-ranks.csv", "variant", "title", "method", "targets"))
-    columns = [(method, targets) for targets in ("new", "uniform") for method in PREDICTED]
-    lines = ["| | " + " | ".join(f"{method_name(m)}, {targets} targets" for m, targets in columns) + " |"]
+    groups = {"new": "new targets", "uniform": "uniform targets", "unseen": "unseen scenes"}
+    columns = [(method, targets) for targets in groups for method in PREDICTED]
+    lines = ["| | " + " | ".join(f"{method_name(m)}, {groups[targets]}" for m, targets in columns) + " |"]
     lines.append("|---|" + "---:|" * len(columns))
     for variant, title in dict.fromkeys(key[:2] for key in found):
         cells = [f"{(v := found[variant, title, *column]).mean:.1f} ± {v.half_width:.1f}" for column in columns]

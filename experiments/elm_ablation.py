@@ -3,12 +3,14 @@
     .venv/bin/python experiments/elm_ablation.py --out runs/elm-ablation
 
 One target in six is held out with all its pairs, so that accuracy is measured on targets that the ELM was not fitted
-on. Every figure lies beside a CSV file of what it shows; bars are 95% intervals over seeds (Student's t).
+on. It is also measured on pairs of unseen scenes, those of Task III, whose true weights are learned with the same φ
+from demonstrations that nothing else uses. Every figure lies beside a CSV file of what it shows; bars are 95% intervals
+over seeds (Student's t).
 """
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -28,11 +30,12 @@ from relm_irl_jax.errors import InputError
 from relm_irl_jax.files import read_numbers, read_table, write_json, write_table
 from relm_irl_jax.report.figures import load_press_curve, press_columns, press_figure, save_figure
 from relm_irl_jax.report.intervals import mean_interval, mean_intervals
+from relm_irl_jax.rewards.demonstrated import DemonstratedReward, learn_demonstrated_rewards
 from relm_irl_jax.rewards.learned import learn_demonstrated
 from relm_irl_jax.rewards.predicted import pair_data
 from relm_irl_jax.scenes.scene import Scene
-from relm_irl_jax.stages.encoding import encode_training
-from relm_irl_jax.tasks import draw_split
+from relm_irl_jax.stages.encoding import encode_training, encode_unseen
+from relm_irl_jax.tasks import TaskSplit, draw_split
 
 POINTS = 8000
 """Points of Figures 8 and 10, drawn at random from all weights of all test pairs."""
@@ -52,70 +55,107 @@ class Ablation:
     """Scenes, demonstrations, inverse reinforcement learning, and the ELM."""
 
 
-def split_pairs(config: Config, scenes: Sequence[Scene], seed: int) -> tuple[Pairs, Pairs]:
-    """Learn rewards and split their pairs by target.
+@dataclass(frozen=True)
+class PairsOfSeed:
+    """The pairs of one seed.
+
+    Attributes:
+        train: pairs to fit.
+        test: pairs of other targets in the same scenes.
+        unseen: pairs of other scenes.
+    """
+
+    train: Pairs
+    test: Pairs
+    unseen: Pairs
+
+
+def learned_pairs(config: Config, scenes: Sequence[Scene], unseen: Sequence[Scene], seed: int) -> PairsOfSeed:
+    """Learn rewards, and split their pairs by target.
 
     Args:
         config: demonstrations, inverse reinforcement learning, and the most pairs.
         scenes: encoded training scenes.
+        unseen: encoded scenes of Task III.
         seed: the run's seed.
 
     Returns:
-        Pairs to fit, and pairs of other targets to test on.
+        The pairs.
     """
-    split = draw_split(scenes, (), config.tasks, seed)
-    rewards = learn_demonstrated(scenes, split, config.irl, seed).demonstrated
+    split = draw_split(scenes, unseen, config.tasks, seed)
+    learned = learn_demonstrated(scenes, split, config.irl, seed)
     generator = np.random.default_rng([seed, 4])
+    rewards = learned.demonstrated
     held_out = set(generator.permutation(len(rewards))[: len(rewards) // 6].tolist())
-    parts = [[reward for i, reward in enumerate(rewards) if (i in held_out) == test] for test in (False, True)]
-    data = [pair_data(scenes, part, config.elm.pairs, generator) for part in parts]
-    train, test = (Pairs(pairs.inputs, pairs.weights, pairs.target) for pairs in data)
-    return train, test
+    train, test = ([reward for i, reward in enumerate(rewards) if (i in held_out) == test] for test in (False, True))
+    phi = [learned.basis.phi(scene) for scene in unseen]
+    only_similar = TaskSplit(training=split.similar, new=(), uniform=(), similar=())
+    elsewhere = learn_demonstrated_rewards(unseen, only_similar, phi, replace(config.irl, demonstrations=None), seed)
+
+    def pairs_of(rewards: Sequence[DemonstratedReward], of_scenes: Sequence[Scene]) -> Pairs:
+        data = pair_data(of_scenes, rewards, config.elm.pairs, generator)
+        return Pairs(data.inputs, data.weights, data.target)
+
+    return PairsOfSeed(pairs_of(train, scenes), pairs_of(test, scenes), pairs_of(elsewhere, unseen))
 
 
-def measure_figures(settings: Ablation, train: Pairs, test: Pairs, seed: int, folder: Path) -> None:
+def measure_figures(settings: Ablation, pairs: PairsOfSeed, seed: int, folder: Path) -> None:
     """Fit the ELMs of one seed and write what Figures 7 to 10 show.
 
     Args:
         settings: the ablation.
-        train: pairs to fit.
-        test: pairs of other targets.
+        pairs: pairs to fit and to test on.
         seed: the seed.
         folder: folder for the tables; `accuracy.csv` is written last.
     """
     elm = settings.config.elm
     found = compare_regularisation(
-        train, test, n_hidden=elm.hidden, activation=elm.activation, norm=elm.norm, random_state=seed
+        pairs.train,
+        pairs.test,
+        n_hidden=elm.hidden,
+        activation=elm.activation,
+        norm=elm.norm,
+        random_state=seed,
     )
-    sizes = accuracy_by_size(train, test, settings.sizes, activation=elm.activation, random_state=seed)
+    sizes = accuracy_by_size(pairs.train, pairs.test, settings.sizes, activation=elm.activation, random_state=seed)
     write_table(folder / "sizes.csv", {"neurons": sizes.sizes, "test_r2": sizes.test_r2, "train_r2": sizes.train_r2})
     drawn = np.random.default_rng(seed).permutation(found.truth.size)[:POINTS]
     points = {"truth": found.truth, "elm": found.elm, "relm": found.relm}
     write_table(folder / "points.csv", {name: values.ravel()[drawn] for name, values in points.items()})
     write_table(folder / "press.csv", {"mean_squared_error": found.press_curve})
-    accuracy = {"fitted": len(train.X), "tested": len(test.X), "elm_r2": found.elm_r2, "relm_r2": found.relm_r2}
+    accuracy = {
+        "fitted": len(pairs.train.X),
+        "tested": len(pairs.test.X),
+        "elm_r2": found.elm_r2,
+        "relm_r2": found.relm_r2,
+    }
     write_table(folder / "accuracy.csv", {name: [value] for name, value in (accuracy | {"kept": found.kept}).items()})
 
 
-def measure_selections(settings: Ablation, train: Pairs, test: Pairs, seed: int, folder: Path) -> None:
+def measure_selections(settings: Ablation, pairs: PairsOfSeed, seed: int, folder: Path) -> None:
     """Write the accuracy of several ways to select neurons and penalty, for one seed.
 
     Args:
         settings: the ablation.
-        train: pairs to fit.
-        test: pairs of other targets.
+        pairs: pairs to fit and to test on.
         seed: the seed.
         folder: folder for the table.
     """
     elm = settings.config.elm
     results = accuracy_by_selection(
-        train, test, n_hidden=elm.hidden, activation=elm.activation, norm=elm.norm, random_state=seed
+        pairs.train,
+        pairs.test,
+        pairs.unseen,
+        n_hidden=elm.hidden,
+        activation=elm.activation,
+        norm=elm.norm,
+        random_state=seed,
     )
     rows = [{"choice": name, **asdict(result)} for name, result in results.items()]
     write_table(folder / "choices.csv", {name: [row[name] for row in rows] for name in rows[0]})
 
 
-MEASUREMENTS: dict[str, Callable[[Ablation, Pairs, Pairs, int, Path], None]] = {
+MEASUREMENTS: dict[str, Callable[[Ablation, PairsOfSeed, int, Path], None]] = {
     "accuracy.csv": measure_figures,
     "choices.csv": measure_selections,
 }
@@ -166,7 +206,7 @@ def draw_predictions(folders: Sequence[Path], path: Path) -> None:
 def summarise_selections(folders: Sequence[Path]) -> dict[str, list]:
     """Means and 95% intervals over seeds for each way to select neurons and penalty, as columns."""
     columns: dict[str, list] = {"choice": read_table(folders[0] / "choices.csv")["choice"]}
-    for name in ("accuracy", "kept", "ridge"):
+    for name in ("accuracy", "accuracy_in_unseen_scenes", "kept", "ridge"):
         mean, half_width = mean_intervals(read_column(folders, "choices.csv", name))
         columns |= {name: mean.tolist(), f"{name}_half_width": half_width.tolist()}
     return columns
@@ -207,13 +247,15 @@ def main(settings: Ablation) -> None:
     check_folder(settings)
     folders = [out / f"seed-{seed}" for seed in range(settings.seeds)]
     missing = [[table for table in MEASUREMENTS if not (folder / table).exists()] for folder in folders]
-    scenes = encode_training(settings.config).scenes if any(missing) else []
-    for seed, tables in enumerate(missing):
-        if tables:
-            console.print(f"seed {seed}: rewards, then ELMs of {len(settings.sizes)} sizes")
-            train, test = split_pairs(settings.config, scenes, seed)
-            for table in tables:
-                MEASUREMENTS[table](settings, train, test, seed, folders[seed])
+    if any(missing):
+        training = encode_training(settings.config)
+        unseen = encode_unseen(settings.config, training)
+        for seed, tables in enumerate(missing):
+            if tables:
+                console.print(f"seed {seed}: rewards, then ELMs of {len(settings.sizes)} sizes")
+                pairs = learned_pairs(settings.config, training.scenes, unseen, seed)
+                for table in tables:
+                    MEASUREMENTS[table](settings, pairs, seed, folders[seed])
     draw_sizes(folders, out / "figure-7.png")
     draw_predictions(folders, out / "figure-8-10.png")
     curves = [load_press_curve(folder / "press.csv") for folder in folders]

@@ -7,11 +7,12 @@ the number of states of its scene whose predicted reward is at least the target'
 chance. What is finished is kept.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import tyro
 from rich.console import Console
 from rich.table import Table
@@ -22,15 +23,18 @@ from relm_irl_jax.progress import progress_bar
 from relm_irl_jax.report.intervals import mean_interval
 from relm_irl_jax.report.names import method_name
 from relm_irl_jax.results import PREDICTED
-from relm_irl_jax.stages.encoding import EncodedScenes, encode_training
+from relm_irl_jax.rewards.predicted import RewardPredictor
+from relm_irl_jax.rewards.quality import predicted_reward_quality
+from relm_irl_jax.scenes.scene import Scene
+from relm_irl_jax.stages.encoding import encode_training, encode_unseen
 from relm_irl_jax.stages.rewards import learn, reward_quality_rows
 from relm_irl_jax.studies.ablation import BASE, load_ablation
 from relm_irl_jax.tasks import draw_split
 
 ABLATION = Path(__file__).parent / "paper" / "ablation.toml"
 
-TARGETS = ("trained", "new", "uniform")
-"""Training targets, new targets of the paper's kind, and targets drawn uniformly."""
+TARGETS = ("trained", "new", "uniform", "unseen")
+"""Training targets, those of Task II as in the paper and drawn uniformly, and those of Task III in unseen scenes."""
 
 
 @dataclass(frozen=True)
@@ -56,22 +60,32 @@ def reward_variants() -> dict[str, tuple[str, dict[str, Any]]]:
     return found
 
 
-def ranks(config: Config, encoded: EncodedScenes, seeds: int) -> Iterator[dict[tuple[str, str], float]]:
+def ranks(
+    config: Config, scenes: Sequence[Scene], unseen: Sequence[Scene], seeds: int
+) -> Iterator[dict[tuple[str, str], float]]:
     """Median rank of each method's targets, seed by seed.
 
     Args:
         config: the configuration.
-        encoded: encoded training scenes.
+        scenes: encoded training scenes.
+        unseen: encoded scenes of Task III.
         seeds: number of seeds.
 
     Yields:
         Ranks by method and targets.
     """
     for seed in range(seeds):
-        split = draw_split(encoded.scenes, (), config.tasks, seed)
-        learned = learn(config, encoded.scenes, split, seed)
-        rows = reward_quality_rows(encoded.scenes, split, learned, seed)
-        yield {(row.method, row.targets): row.median_rank for row in rows if row.method in PREDICTED}
+        split = draw_split(scenes, unseen, config.tasks, seed)
+        learned = learn(config, scenes, split, seed)
+        rows = reward_quality_rows(scenes, split, learned, seed)
+        found = {(row.method, row.targets): row.median_rank for row in rows if row.method in PREDICTED}
+        phi = [learned.basis.phi(scene) for scene in unseen]
+        for method, regressor in learned.regressors.items():
+            predictor = RewardPredictor(unseen, phi, regressor, learned.form)
+            generator = np.random.default_rng([seed, 3])
+            qualities = predicted_reward_quality(unseen, split.similar, predictor, generator)
+            found[method, "unseen"] = float(np.median([quality.rank for quality in qualities]))
+        yield found
 
 
 def main(study: Study) -> Path:
@@ -85,7 +99,8 @@ def main(study: Study) -> Path:
     """
     config = study.config.resolved()
     variants = {name: v for name, v in reward_variants().items() if not study.variants or name in study.variants}
-    encoded = encode_training(config)
+    training = encode_training(config)
+    unseen = encode_unseen(config, training)
     columns: dict[str, list[Any]] = {
         name: [] for name in ("variant", "title", "method", "targets", "mean", "half_width", "seeds")
     }
@@ -93,7 +108,7 @@ def main(study: Study) -> Path:
         for name, (title, changes) in variants.items():
             file = study.out / f"{name}.csv"
             if not file.exists():
-                found = list(ranks(overlay(config, changes, ABLATION.name), encoded, study.seeds))
+                found = list(ranks(overlay(config, changes, ABLATION.name), training.scenes, unseen, study.seeds))
                 keys = [(method, targets) for method in PREDICTED for targets in TARGETS]
                 intervals = [mean_interval([of_seed[key] for of_seed in found]) for key in keys]
                 write_table(
@@ -112,7 +127,7 @@ def main(study: Study) -> Path:
                 columns[column] += values
             advance(1)
     write_table(study.out / "reward-ranks.csv", columns)
-    table = Table(title=f"Median rank of targets, mean of {study.seeds} seeds, encoder {encoded.encoder_name}")
+    table = Table(title=f"Median rank of targets, mean of {study.seeds} seeds, encoder {training.encoder_name}")
     for heading in ("variant", "method", "targets", "rank"):
         table.add_column(heading)
     for name, method, targets, mean in zip(

@@ -91,11 +91,13 @@ class SelectionResult:
 
     Attributes:
         accuracy: R² on the test pairs.
+        accuracy_in_unseen_scenes: R² on pairs of scenes that no pair to fit is of; NaN without such pairs.
         kept: number of selected neurons.
         ridge: penalty on the output weights.
     """
 
     accuracy: float
+    accuracy_in_unseen_scenes: float
     kept: int
     ridge: float
 
@@ -148,12 +150,15 @@ def compare_regularisation(train: Pairs, test: Pairs, n_hidden: int = 1950, **pa
     )
 
 
-def accuracy_by_selection(train: Pairs, test: Pairs, **parameters: Any) -> dict[str, SelectionResult]:
+def accuracy_by_selection(
+    train: Pairs, test: Pairs, unseen: Pairs | None = None, **parameters: Any
+) -> dict[str, SelectionResult]:
     """Results of all `SELECTIONS` with the same hidden layer.
 
     Args:
         train: pairs to fit.
         test: pairs to predict, of other targets.
+        unseen: pairs to predict, of other scenes.
         parameters: of `ELMRegressor`; `random_state` is 0 unless given.
 
     Returns:
@@ -163,5 +168,8 @@ def accuracy_by_selection(train: Pairs, test: Pairs, **parameters: Any) -> dict[
     for name, (selection, by_target) in SELECTIONS.items():
         model = ELMRegressor(random_state=0).set_params(**{**parameters, **selection})
         model.fit(train.X, train.T, train.target if by_target else None)
-        results[name] = SelectionResult(r2_score(test.T, model.predict(test.X)), model.n_selected_, model.ridge_)
+        accuracy, elsewhere = (
+            float("nan") if pairs is None else r2_score(pairs.T, model.predict(pairs.X)) for pairs in (test, unseen)
+        )
+        results[name] = SelectionResult(accuracy, elsewhere, model.n_selected_, model.ridge_)
     return results

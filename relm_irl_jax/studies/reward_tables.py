@@ -15,16 +15,15 @@ def selections_table(path: Path) -> list[str]:
     Returns:
         Lines of a Markdown table.
     """
-    columns = ["accuracy", "accuracy_half_width", "kept", "kept_half_width"]
-    rows = zip(*(column.tolist() for column in read_numbers(path, columns).values()), strict=True)
+    names = ("accuracy", "accuracy_in_unseen_scenes", "kept")
+    columns = read_numbers(path, [column for name in names for column in (name, f"{name}_half_width")])
+    intervals = [map(MeanInterval, columns[name], columns[f"{name}_half_width"]) for name in names]
     return [
-        "| Selection | R² on held-out targets | Neurons kept |",
-        "|---|---:|---:|",
+        "| Selection | R² on held-out targets | R² in unseen scenes | Neurons kept |",
+        "|---|---:|---:|---:|",
         *(
-            f"| {choice} | {MeanInterval(accuracy, accuracy_error)} | {MeanInterval(kept, kept_error):,.0f} |"
-            for choice, (accuracy, accuracy_error, kept, kept_error) in zip(
-                read_table(path)["choice"], rows, strict=True
-            )
+            f"| {choice} | {accuracy} | {elsewhere} | {kept:,.0f} |"
+            for choice, accuracy, elsewhere, kept in zip(read_table(path)["choice"], *intervals, strict=True)
         ),
     ]
 

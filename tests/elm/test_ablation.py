@@ -53,3 +53,7 @@ def test_every_selection_is_judged_on_the_test_pairs(pairs, regularisation):
     assert all(result.accuracy > everything.accuracy for result in selected)
     assert results["MRSR, PRESS leaves out pairs"].kept == regularisation.kept
     assert results["all neurons, ridge by PRESS of targets"].ridge > 0
+    assert all(np.isnan(result.accuracy_in_unseen_scenes) for result in results.values())
+    train, test = pairs
+    for result in accuracy_by_selection(train, test, Pairs(test.X, test.T, test.target), n_hidden=NEURONS).values():
+        assert result.accuracy_in_unseen_scenes == result.accuracy

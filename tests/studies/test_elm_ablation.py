@@ -2,6 +2,7 @@
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,10 +10,32 @@ import pytest
 
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.files import read_table, write_table
+from relm_irl_jax.stages.encoding import encode_training, encode_unseen
+from relm_irl_jax.studies.study import load_preset
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "experiments"))
 
 import elm_ablation
+
+SMOKE = Path(elm_ablation.__file__).parent / "smoke.toml"
+
+
+def test_pairs_to_test_on_share_no_target_and_no_scene_with_those_to_fit():
+    config = load_preset(SMOKE)
+    config = replace(config, irl=replace(config.irl, trajectories=2, processes=1))
+    training = encode_training(config)
+    unseen = encode_unseen(config, training)
+    pairs = elm_ablation.learned_pairs(config, training.scenes, unseen, 0)
+    width = training.scenes[0].encoded.shape[1]
+
+    def views(rows):
+        return {row.tobytes() for row in rows}
+
+    trained, elsewhere = (views(np.concatenate([s.encoded for s in scenes])) for scenes in (training.scenes, unseen))
+    for part, own in ((pairs.train, trained), (pairs.test, trained), (pairs.unseen, elsewhere)):
+        assert views(part.X[:, :width]) | views(part.X[:, width:]) <= own
+    assert not views(pairs.train.X[:, width:]) & views(pairs.test.X[:, width:])
+    assert not trained & elsewhere
 
 
 def test_every_figure_has_its_table_and_nothing_is_fitted_again(tmp_path, monkeypatch):
@@ -24,6 +47,7 @@ def test_every_figure_has_its_table_and_nothing_is_fitted_again(tmp_path, monkey
         choice = {
             "choice": ["all", "some, by PRESS"],
             "accuracy": [0.1, 0.2 + seed],
+            "accuracy_in_unseen_scenes": [-1.0, 0.5],
             "kept": [9, 5],
             "ridge": [0.0, 1.0],
         }

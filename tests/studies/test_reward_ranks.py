@@ -31,6 +31,7 @@ def test_ranks_of_a_tiny_study_are_kept(study, tmp_path, monkeypatch):
     table = read_table(study.main(settings))
     assert set(table["variant"]) == {"base"}
     assert set(table["method"]) == {"elm-irl", "relm-irl"}
+    assert set(table["targets"]) == {"trained", "new", "uniform", "unseen"}
     assert all(1 <= float(mean) <= 80 for mean in table["mean"])
     monkeypatch.setattr(study, "learn", None)  # what is finished is not learned again
     assert read_table(study.main(settings)) == table

@@ -238,7 +238,8 @@ def test_the_page_shows_what_it_can_read(tmp_path, monkeypatch):
 
 def test_the_page_shows_the_regressors_figures(tmp_path):
     elm = tmp_path / "elm"
-    choice = {"accuracy": [0.5], "accuracy_half_width": [0.25], "kept": [1950.0], "kept_half_width": [float("nan")]}
+    measured = {"accuracy": 0.5, "accuracy_in_unseen_scenes": -0.75, "kept": 1950.0}
+    choice = {name: [value] for name, value in measured.items()} | {f"{name}_half_width": [0.25] for name in measured}
     write_table(elm / "choices.csv", {"choice": ["all"], **choice})
     write_table(elm / "accuracy.csv", {"seed": [0], "elm_r2": [-9.0], "relm_r2": [0.25], "kept": [825]})
     write_json(elm / "settings.json", {"sizes": [1], "config": {"elm": {"hidden": 77}}})
@@ -246,6 +247,6 @@ def test_the_page_shows_the_regressors_figures(tmp_path):
     for said in (
         "77 neurons before selection; 1 seeds",
         "| 0 | -9.000 | 0.250 | 825 |",
-        "| all | 0.50 ± 0.25 | 1,950 |",
+        "| all | 0.50 ± 0.25 | -0.75 ± 0.25 | 1,950 ± 0 |",
     ):
         assert said in text
