@@ -44,7 +44,7 @@ from relm_irl_jax.studies.ablation import BASE, METRICS, load_ablation
 from relm_irl_jax.studies.contributions import contributions_table
 from relm_irl_jax.studies.page import RUN_TITLES, STUDY_TEXTS
 from relm_irl_jax.studies.reward_tables import selections_table, stability_table
-from relm_irl_jax.studies.rooms_figure import rooms_figure, unseen_by_rooms
+from relm_irl_jax.studies.rooms_figure import counts_of_rooms, rooms_figure, unseen_by_rooms
 from relm_irl_jax.studies.search_page import maps_table, saved_rows, search_table
 
 ROOT = Path(__file__).parents[1]
@@ -216,12 +216,7 @@ SHORT = {
 def _rooms(*names: str) -> list[str]:
     """SR / SPL on Task III by agent and number of training rooms."""
     lines = unseen_by_rooms(*(read_table(TABLES / f"{name}.csv") for name in names))
-    counts: list[list[int]] = []
-    for count in sorted({rooms for by_rooms in lines.values() for rooms in by_rooms}):
-        if counts and count <= 1.01 * counts[-1][0]:  # 200 and 201 rooms share a column
-            counts[-1].append(count)
-        else:
-            counts.append([count])
+    counts = counts_of_rooms(lines)
     heads = [" or ".join(map(str, near)) for near in counts]
     table = ["| SR / SPL in unseen rooms, trained on | " + " | ".join(f"{head} rooms" for head in heads) + " |"]
     table.append("|---|" + "---:|" * len(counts))

@@ -31,6 +31,24 @@ def unseen_by_rooms(*tables: Mapping[str, Sequence]) -> ByRooms:
     return found
 
 
+def counts_of_rooms(lines: ByRooms) -> list[list[int]]:
+    """Numbers of training rooms, those that differ by at most a hundredth together, such as 200 and 201.
+
+    Args:
+        lines: the metrics.
+
+    Returns:
+        The numbers in ascending order, in groups.
+    """
+    groups: list[list[int]] = []
+    for count in sorted({count for by_rooms in lines.values() for count in by_rooms}):
+        if groups and count <= 1.01 * groups[-1][0]:
+            groups[-1].append(count)
+        else:
+            groups.append([count])
+    return groups
+
+
 def rooms_figure(lines: ByRooms) -> Figure:
     """Draw SR and SPL on Task III against the number of training rooms, one line for each agent.
 
@@ -40,7 +58,7 @@ def rooms_figure(lines: ByRooms) -> Figure:
     Returns:
         The figure; bars are 95% intervals over seeds.
     """
-    figure = Figure(figsize=(9.2, 3.6), layout="constrained")
+    figure = Figure(figsize=(10.4, 3.6), layout="constrained")
     panels = figure.subplots(1, len(METRICS))
     for panel, metric in zip(panels, METRICS, strict=True):
         for number, (line, by_rooms) in enumerate(lines.items()):
@@ -59,8 +77,8 @@ def rooms_figure(lines: ByRooms) -> Figure:
         panel.set(
             xscale="log", xlabel="training rooms", ylabel=f"{metric_name(metric)} in unseen rooms", ylim=(0, 1.02)
         )
-        counts = sorted({count for by_rooms in lines.values() for count in by_rooms})
+        counts = [group[0] for group in counts_of_rooms(lines)]
         panel.set_xticks(counts, [str(count) for count in counts])
         panel.minorticks_off()
-    panels[-1].legend(frameon=False, fontsize=7.5)
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside right upper", frameon=False, fontsize=7.5)
     return figure

@@ -23,7 +23,7 @@ from relm_irl_jax.studies.ablation import (
     variant_config,
 )
 from relm_irl_jax.studies.page import RUN_TITLES, write_study
-from relm_irl_jax.studies.rooms_figure import rooms_figure, unseen_by_rooms
+from relm_irl_jax.studies.rooms_figure import counts_of_rooms, rooms_figure, unseen_by_rooms
 from relm_irl_jax.studies.study import is_finished, load_preset
 
 PRESETS = Path(__file__).parents[2] / "experiments" / "paper"
@@ -194,6 +194,8 @@ def test_success_over_the_number_of_training_rooms_is_drawn_for_each_agent(tmp_p
     points = [container.lines[0].get_xydata().tolist() for container in success_rate.containers]
     assert points == [[[6, pytest.approx(0.2)], [60, pytest.approx(0.6)]], [[60, pytest.approx(0.3)]]]
     assert spl.get_ylabel() == "SPL in unseen rooms"
+    assert [text.get_text() for text in spl.get_xticklabels()] == ["6", "60"]
+    assert counts_of_rooms({"a": {200: {}, 6: {}}, "b": {201: {}, 600: {}}}) == [[6], [200, 201], [600]]
     text = write_study(tmp_path, {"many-rooms": rows}).read_text()
     assert "![Success in unseen rooms against the number of training rooms](rooms.png)" in text
     assert (tmp_path / "tables" / "many-rooms.csv").exists()
