@@ -12,6 +12,7 @@ import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import tyro
@@ -99,6 +100,17 @@ def learned_pairs(config: Config, scenes: Sequence[Scene], unseen: Sequence[Scen
     return PairsOfSeed(pairs_of(train, scenes), pairs_of(test, scenes), pairs_of(elsewhere, unseen))
 
 
+def regressor_parameters(settings: Ablation, seed: int) -> dict[str, Any]:
+    """Parameters of the regressors of one seed, which all draw the same hidden layer.
+
+    Args:
+        settings: the ablation.
+        seed: the seed.
+    """
+    elm = settings.config.elm
+    return {"n_hidden": elm.hidden, "activation": elm.activation, "norm": elm.norm, "random_state": seed}
+
+
 def measure_figures(settings: Ablation, pairs: PairsOfSeed, seed: int, folder: Path) -> None:
     """Fit the ELMs of one seed and write what Figures 7 to 10 show.
 
@@ -108,16 +120,9 @@ def measure_figures(settings: Ablation, pairs: PairsOfSeed, seed: int, folder: P
         seed: the seed.
         folder: folder for the tables; `accuracy.csv` is written last.
     """
-    elm = settings.config.elm
-    found = compare_regularisation(
-        pairs.train,
-        pairs.test,
-        n_hidden=elm.hidden,
-        activation=elm.activation,
-        norm=elm.norm,
-        random_state=seed,
-    )
-    sizes = accuracy_by_size(pairs.train, pairs.test, settings.sizes, activation=elm.activation, random_state=seed)
+    found = compare_regularisation(pairs.train, pairs.test, **regressor_parameters(settings, seed))
+    activation = settings.config.elm.activation
+    sizes = accuracy_by_size(pairs.train, pairs.test, settings.sizes, activation=activation, random_state=seed)
     write_table(folder / "sizes.csv", {"neurons": sizes.sizes, "test_r2": sizes.test_r2, "train_r2": sizes.train_r2})
     drawn = np.random.default_rng(seed).permutation(found.truth.size)[:POINTS]
     points = {"truth": found.truth, "elm": found.elm, "relm": found.relm}
@@ -141,16 +146,7 @@ def measure_selections(settings: Ablation, pairs: PairsOfSeed, seed: int, folder
         seed: the seed.
         folder: folder for the table.
     """
-    elm = settings.config.elm
-    results = accuracy_by_selection(
-        pairs.train,
-        pairs.test,
-        pairs.unseen,
-        n_hidden=elm.hidden,
-        activation=elm.activation,
-        norm=elm.norm,
-        random_state=seed,
-    )
+    results = accuracy_by_selection(pairs.train, pairs.test, pairs.unseen, **regressor_parameters(settings, seed))
     rows = [{"choice": name, **asdict(result)} for name, result in results.items()]
     write_table(folder / "choices.csv", {name: [row[name] for row in rows] for name in rows[0]})
 
