@@ -36,7 +36,7 @@ from relm_irl_jax.errors import InputError
 from relm_irl_jax.files import read_table, write_bytes, write_table
 from relm_irl_jax.report.comparison import BASELINES, markdown_difference
 from relm_irl_jax.report.figures import FIGURE_DPI
-from relm_irl_jax.report.intervals import MeanInterval
+from relm_irl_jax.report.intervals import MeanInterval, intervals_of_rows
 from relm_irl_jax.report.names import TASK_NAMES, in_order, method_name, metric_name
 from relm_irl_jax.report.tables import MEAN, paper_value
 from relm_irl_jax.results import PREDICTED, TASKS
@@ -146,11 +146,7 @@ def _intervals(
     table: str, *keys: str, columns: tuple[str, str] = ("mean", "half_width")
 ) -> Iterator[tuple[tuple[str, ...], MeanInterval]]:
     """The means and intervals of a committed table, each with the values of some columns."""
-    rows = read_table(TABLES / table)
-    for key, mean, half_width in zip(
-        zip(*(rows[column] for column in keys), strict=True), *(rows[column] for column in columns), strict=True
-    ):
-        yield key, MeanInterval(float(mean), float(half_width))
+    return intervals_of_rows(read_table(TABLES / table), *keys, columns=columns)
 
 
 def _values(name: str, task: str) -> dict[str, dict[str, MeanInterval]]:

@@ -3,14 +3,14 @@
 import gc
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-import tyro
-
-from relm_irl_jax.config import Config, load_config
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.help_pages import COMMANDS, HELP, train_help
 from relm_irl_jax.interruption import Resume
+
+if TYPE_CHECKING:
+    from relm_irl_jax.config import Config
 
 
 def execute(arguments: list[str]) -> None:
@@ -24,6 +24,10 @@ def execute(arguments: list[str]) -> None:
             position = arguments.index(option)
             _help(arguments[position + 1] if position + 1 < len(arguments) else None)
             return
+    import tyro
+
+    from relm_irl_jax.config import Config
+
     default, arguments = default_config(arguments)
 
     def parsed(config: Annotated[Config, tyro.conf.arg(name="")] = default) -> Config:
@@ -45,15 +49,19 @@ def execute(arguments: list[str]) -> None:
 
 
 def _help(topic: str | None) -> None:
-    gc.disable()  # collecting garbage takes an eighth of the time of help
+    gc.disable()  # collecting garbage, above all while settings are imported, takes an eighth of the time of help
     try:
+        from relm_irl_jax.config import Config
+
         print(train_help(Config, topic))
     finally:
         gc.enable()
 
 
-def default_config(arguments: list[str]) -> tuple[Config, list[str]]:
+def default_config(arguments: list[str]) -> "tuple[Config, list[str]]":
     """Remove `--config FILE` or `--resume RUN` from the arguments of `train`, and read the configuration."""
+    from relm_irl_jax.config import Config, load_config
+
     file, arguments = _pop_option(arguments, "--config", "file", "a TOML file")
     run, arguments = _pop_option(arguments, "--resume", "folder", "the folder of a run made by `relm-irl train`")
     if file and run:

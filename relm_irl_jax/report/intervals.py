@@ -1,6 +1,6 @@
 """Means over seeds and their 95% intervals (Student's t)."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -63,6 +63,24 @@ def mean_interval(values: Sequence[float]) -> MeanInterval:
     """
     mean, half_width = mean_intervals(np.asarray(values, np.float64).reshape(-1, 1))
     return MeanInterval(float(mean[0]), float(half_width[0]))
+
+
+def intervals_of_rows(
+    table: Mapping[str, Sequence], *keys: str, columns: tuple[str, str] = ("mean", "half_width")
+) -> Iterator[tuple[tuple, MeanInterval]]:
+    """The means and intervals of a table that has one in each row.
+
+    Args:
+        table: columns by name, as they are written to a file or read from it.
+        keys: columns that say what a row is of.
+        columns: columns of the mean and of half of the interval.
+
+    Yields:
+        The row's keys, and its interval.
+    """
+    names = zip(*(table[key] for key in keys), strict=True)
+    for key, mean, half_width in zip(names, *(table[column] for column in columns), strict=True):
+        yield key, MeanInterval(float(mean), float(half_width))
 
 
 def paired_difference(first: Mapping[int, float], second: Mapping[int, float]) -> tuple[MeanInterval, int]:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 from math import isnan
 from pathlib import Path
 from typing import Any, get_args
@@ -105,7 +105,7 @@ class AblationRow:
     rooms: int
     line: str
 
-    @property
+    @cached_property
     def value(self) -> dict[tuple[str, str], MeanInterval]:
         """Mean and interval of each task and metric."""
         return {key: mean_interval(list(seeds.values())) for key, seeds in self.by_seed.items()}

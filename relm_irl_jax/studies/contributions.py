@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 from relm_irl_jax.report.comparison import markdown_difference
-from relm_irl_jax.report.intervals import MeanInterval, paired_difference
+from relm_irl_jax.report.intervals import MeanInterval, intervals_of_rows, paired_difference
 from relm_irl_jax.report.names import metric_name
 from relm_irl_jax.results import TASKS
 from relm_irl_jax.studies.ablation import METRICS, AblationRow
@@ -30,14 +30,13 @@ def contributions(rows: Sequence[AblationRow]) -> dict[str, list]:
     columns: dict[str, list] = {name: [] for name in ("part", "rooms", "task", "metric", "mean", "half_width", "seeds")}
     for part, (with_it, without) in CONTRIBUTIONS.items():
         for rooms in sorted({row.rooms for row in rows}):
-            first, second = (by_line.get((line, rooms), {}) for line in (with_it, without))
-            for key in (key for key in first if key in second):
-                difference, seeds = paired_difference(first[key], second[key])
-                if not seeds:
-                    continue
-                row = (part, rooms, *key, difference.mean, difference.half_width, seeds)
-                for column, value in zip(columns.values(), row, strict=True):
-                    column.append(value)
+            second = by_line.get((without, rooms), {})
+            for key, values in by_line.get((with_it, rooms), {}).items():
+                difference, seeds = paired_difference(values, second.get(key, {}))
+                if seeds:
+                    row = (part, rooms, *key, difference.mean, difference.half_width, seeds)
+                    for column, value in zip(columns.values(), row, strict=True):
+                        column.append(value)
     return columns
 
 
@@ -51,9 +50,8 @@ def contributions_table(table: Mapping[str, Sequence]) -> list[str]:
         Lines of a Markdown table.
     """
     found: dict[tuple[str, int], dict[tuple[str, str], MeanInterval]] = {}
-    columns = (table[name] for name in ("part", "rooms", "task", "metric", "mean", "half_width"))
-    for part, rooms, task, metric, mean, half_width in zip(*columns, strict=True):
-        found.setdefault((part, int(rooms)), {})[task, metric] = MeanInterval(float(mean), float(half_width))
+    for (part, rooms, task, metric), value in intervals_of_rows(table, "part", "rooms", "task", "metric"):
+        found.setdefault((part, int(rooms)), {})[task, metric] = value
     keys = [(task, metric) for task in TASKS for metric in METRICS]
     lines = ["| Added | Rooms | " + " | ".join(f"Task {task}: {metric_name(metric)}" for task, metric in keys) + " |"]
     lines.append("|---|---:|" + "---:|" * len(keys))

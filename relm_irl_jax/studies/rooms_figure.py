@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 from matplotlib.figure import Figure
 
-from relm_irl_jax.report.intervals import MeanInterval
+from relm_irl_jax.report.intervals import MeanInterval, intervals_of_rows
 from relm_irl_jax.report.names import metric_name
 from relm_irl_jax.studies.ablation import METRICS
 
@@ -23,11 +23,9 @@ def unseen_by_rooms(*tables: Mapping[str, Sequence]) -> ByRooms:
     """
     found: ByRooms = {}
     for table in tables:
-        columns = (table[name] for name in ("line", "rooms", "task", "metric", "mean", "half_width"))
-        for line, rooms, task, metric, mean, half_width in zip(*columns, strict=True):
+        for (line, rooms, task, metric), value in intervals_of_rows(table, "line", "rooms", "task", "metric"):
             if task == "III":
-                of_rooms = found.setdefault(line, {}).setdefault(int(rooms), {})
-                of_rooms[metric] = MeanInterval(float(mean), float(half_width))
+                found.setdefault(line, {}).setdefault(int(rooms), {})[metric] = value
     return found
 
 
