@@ -35,7 +35,7 @@ from relm_irl_jax.benchmarks.rows import three_digits
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.files import read_table, write_bytes, write_table
 from relm_irl_jax.report.comparison import BASELINES, markdown_difference
-from relm_irl_jax.report.figures import FIGURE_DPI
+from relm_irl_jax.report.figures import as_png
 from relm_irl_jax.report.intervals import MeanInterval, intervals_of_rows
 from relm_irl_jax.report.names import TASK_NAMES, in_order, method_name, metric_name
 from relm_irl_jax.report.tables import MEAN, paper_value
@@ -337,7 +337,7 @@ def main(arguments: Sequence[str]) -> None:
     for study in arguments:
         copy_tables(Path(study))
     rooms = unseen_by_rooms(*(read_table(TABLES / f"{name}.csv") for name in ("unseen", "many-rooms")))
-    rooms_figure(rooms).savefig(ROOT / "docs" / "training-rooms.png", dpi=FIGURE_DPI)
+    write_bytes(ROOT / "docs" / "training-rooms.png", as_png(rooms_figure(rooms)))
     for page in PAGES:
         text = page.read_text()
         if (new := written(text)) != text:

@@ -62,14 +62,27 @@ def save_figure(figure: Figure, path: Path, table: Mapping[str, Any]) -> None:
         path: the PNG file; the CSV file has the same name with another suffix.
         table: the data of the figure, as named columns of equal length.
     """
+    png = as_png(figure)
+    write_table(path.with_suffix(".csv"), table)
+    write_bytes(path, png)
+
+
+def as_png(figure: Figure) -> bytes:
+    """Draw a figure as PNG.
+
+    Args:
+        figure: the figure.
+
+    Returns:
+        The content of the file.
+    """
     # Names are text: a dollar sign in one begins no formula. Labels of logarithmic axes are made later.
     for text in figure.findobj(Text):
         if isinstance(text, Text) and "$" in text.get_text():
             text.set_parse_math(False)
     buffer = io.BytesIO()
     figure.savefig(buffer, dpi=FIGURE_DPI, format="png")
-    write_table(path.with_suffix(".csv"), table)
-    write_bytes(path, buffer.getvalue())
+    return buffer.getvalue()
 
 
 def bar_figure(bars: Mapping[str, Sequence[MeanInterval]], columns: Sequence[str], label: str) -> Figure:
