@@ -11,6 +11,7 @@ A page says where a table belongs, and which, between two comments:
     <!-- table: differences siamese -->  RELM-IRL minus the other methods, paired over seeds
     <!-- table: summary siamese siamese-long -->    SR and SPL of several pieces, and the paper's
     <!-- table: rooms unseen many-rooms -->         success in unseen rooms against the number of training rooms
+    <!-- table: all-tasks many-rooms -->           SR and SPL on every task by agent and number of training rooms
     <!-- table: contributions -->                  what memory and adaptation add
     <!-- table: search -->                          the mapping agent in unseen rooms
     <!-- table: ranks -->                           ranks of targets by predicted reward
@@ -223,6 +224,21 @@ def _rooms(*names: str) -> list[str]:
     return table
 
 
+def _all_tasks(name: str) -> list[str]:
+    """SR / SPL on every task by agent and number of training rooms."""
+    found: dict[tuple[str, str, str], dict[tuple[str, str], MeanInterval]] = {}
+    for (line, rooms, frames, task, metric), value in _intervals(
+        f"{name}.csv", "line", "rooms", "frames", "task", "metric"
+    ):
+        found.setdefault((line, rooms, frames), {})[task, metric] = value
+    heads = " | ".join(f"Task {task}: SR / SPL" for task in TASKS)
+    lines = [f"| Agent | Training rooms | Frames | {heads} |", "|---|---:|---:|" + "---:|" * len(TASKS)]
+    for (line, rooms, frames), values in found.items():
+        cells = [f"{values[task, 'sr']} / {values[task, 'spl']}" for task in TASKS]
+        lines.append(f"| {line} | {rooms} | {float(frames) / 1e6:g}M | " + " | ".join(cells) + " |")
+    return lines
+
+
 def _search() -> list[str]:
     """The mapping agent in unseen rooms."""
     return search_table(saved_rows(TABLES / "map"), TABLES / "map")
@@ -318,6 +334,7 @@ KINDS: dict[str, Callable[..., list[str]]] = {
     "differences": _differences,
     "summary": _summary,
     "rooms": _rooms,
+    "all-tasks": _all_tasks,
     "contributions": lambda: contributions_table(read_table(TABLES / "contributions.csv")),
     "search": _search,
     "ranks": _ranks,
