@@ -22,7 +22,7 @@ SCENES  ?=  ## rooms for the built-in ones, or a folder of scene files.
 SEEDS   ?=  ## Number of seeds.
 FRAMES  ?=  ## Training frames for each method and seed: 5000000, 5e6, 5M or 600k.
 RUN     ?=  ## Folder of the run, or of what bench and paper write.
-BENCH   ?=  ## Some of peers, trainings, agent, scaling, elm, irl, encoder; all by default.
+BENCH   ?=  ## Some of commands, peers, trainings, gym, agent, scaling, elm, irl, encoder; all by default.
 PIECE   ?=  ## Pieces of the paper: siamese, metric, ablation, report, ...; all by default.
 VARIANT ?=  ## Variants of the pieces that have some; all by default.
 QUICK   ?=  ## 1 for tiny rooms, few frames and seeds: whether everything runs, not what it finds.
@@ -93,7 +93,7 @@ lint: $(STAMP)  ## Check style and types.
 	@$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/pyrefly check
 
 bench: $(STAMP)  ## Measure speed on this machine. [BENCH RUN ARGS]
-	@for name in $(or $(call several,BENCH),peers trainings agent scaling elm irl encoder); do \
+	@for name in $(or $(call several,BENCH),commands peers trainings gym agent scaling elm irl encoder); do \
 	  $(BIN)/relm-irl bench $$name $(call option,out,RUN) $(ARGS) || exit; done
 
 paper: $(STAMP)  ## Make every table and figure of the paper. [PIECE VARIANT QUICK JOBS RUN ARGS]

@@ -99,7 +99,9 @@ class Record:
 class Bench:
     """Measure speed on this computer."""
 
-    name: tyro.conf.Positional[Literal["peers", "trainings", "agent", "scaling", "elm", "irl", "encoder"]]
+    name: tyro.conf.Positional[
+        Literal["commands", "peers", "trainings", "gym", "agent", "scaling", "elm", "irl", "encoder"]
+    ]
     """The benchmark."""
     out: Path = Path("runs/bench")
     """Output folder, with a sub-folder for each benchmark. The encoder's benchmark writes no files."""

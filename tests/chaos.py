@@ -29,6 +29,7 @@ from command import EXPERIMENT, QUICK  # noqa: E402
 
 from relm_irl_jax import hardware, pipeline  # noqa: E402
 from relm_irl_jax.__main__ import main as relm_irl  # noqa: E402
+from relm_irl_jax.files import write_table  # noqa: E402
 from relm_irl_jax.play import animation  # noqa: E402, F401
 from relm_irl_jax.run_folder import RunFolder  # noqa: E402
 from relm_irl_jax.scenes.scene_file import save_scene  # noqa: E402
@@ -326,10 +327,15 @@ def main():
     parser.add_argument("--kills", type=int, default=100)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--setups", nargs="+", choices=SETUPS, default=[s for s, n in SHARES.items() for _ in range(n)])
+    parser.add_argument("--out", type=Path, default=ROOT / "runs" / "robustness", help="folder for the counts")
     options = parser.parse_args()
     began = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="chaos-") as work:
         counts, cases = chaos(options.kills, options.seed, options.setups, Path(work))
+    options.out.mkdir(parents=True, exist_ok=True)
+    signals = Counter(number for _, _, number in counts.elements())
+    ended = {name: [signals[name]] for name in ("SIGKILL", "SIGTERM", "SIGINT")}
+    write_table(options.out / "chaos.csv", {"seed": [options.seed], "runs": [cases], **ended})
     for position in range(3):
         print(json.dumps(Counter(what[position] for what in counts.elements())))
     print(

@@ -47,7 +47,7 @@ from relm_irl_jax.errors import InputError  # noqa: E402
 from relm_irl_jax.features import pretrained  # noqa: E402
 from relm_irl_jax.features.resnet import layers  # noqa: E402
 from relm_irl_jax.features.weights import BATCH_NORM  # noqa: E402
-from relm_irl_jax.files import load_arrays_and_metadata, save_arrays, write_json  # noqa: E402
+from relm_irl_jax.files import load_arrays_and_metadata, save_arrays, write_json, write_table  # noqa: E402
 from relm_irl_jax.hardware import load_stage_times  # noqa: E402
 from relm_irl_jax.parameters import load_parameters, save_parameters  # noqa: E402
 from relm_irl_jax.report.figures import load_press_curve  # noqa: E402
@@ -535,12 +535,16 @@ def main():
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", default="", help="kinds of inputs whose names contain this")
     parser.add_argument("--keep", action="store_true", help="keep one finding of each kind of fault in tests/corpus")
+    parser.add_argument("--out", type=Path, default=ROOT / "runs" / "robustness", help="folder for the counts")
     options = parser.parse_args()
     began = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="fuzz-") as folder:
         os.environ["XDG_CACHE_HOME"] = str(Path(folder) / "cache")
         (Path(folder) / "work").mkdir()
         counts, findings = fuzz(options.cases, options.seed, Path(folder) / "work", options.only)
+    options.out.mkdir(parents=True, exist_ok=True)
+    columns = {"seed": options.seed, "kinds": len(counts), "inputs": counts.total(), "findings": len(findings)}
+    write_table(options.out / "fuzz.csv", {name: [value] for name, value in columns.items()})
     seen = set()
     for name, content, fault in findings:
         cause = name, fault.splitlines()[-1][:60], fault.splitlines()[-2][:80] if "\n" in fault else ""

@@ -4,14 +4,16 @@ from types import SimpleNamespace
 
 import jax
 import numpy as np
+import pytest
+from command import EXPERIMENT
 from tiny import problem
 
 from relm_irl_jax.agents.settings import SiameseSettings
-from relm_irl_jax.benchmarks import trainings
+from relm_irl_jax.benchmarks import commands, gym, trainings
 from relm_irl_jax.benchmarks.environment import STEPS, environment_program
 from relm_irl_jax.benchmarks.peers import compare
 from relm_irl_jax.benchmarks.plain_a2c import plain_program
-from relm_irl_jax.config import Config
+from relm_irl_jax.config import Config, load_config
 from relm_irl_jax.stages.training import SeedInputs
 from relm_irl_jax.tasks import TaskSplit
 
@@ -58,3 +60,27 @@ def test_the_rate_of_a_training_leaves_out_the_first_chunk(monkeypatch):
     assert (row.agent, row.workers, row.frames) == ("siamese", 8, 120)
     assert (row.first_chunk_seconds, row.other_chunks_seconds) == (5.0, 3.0)
     assert row.frames_per_second == round(80 / 3)
+
+
+def test_commands_find_nothing_of_what_others_computed(monkeypatch):
+    asked = []
+
+    def run(words, **options):
+        asked.append((words, options["env"]))
+
+    monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", "kept")
+    monkeypatch.setattr(commands.subprocess, "run", run)
+    row = commands.measure(("train", "--task", "II"))
+    (words, environment), cache = asked[0], asked[0][1]["XDG_CACHE_HOME"]
+    assert words[2:6] == ["relm_irl_jax", "train", "--task", "II"]
+    assert words[-1] == cache.replace("/cache", "/run")
+    assert "JAX_COMPILATION_CACHE_DIR" not in environment
+    assert row.command == "relm-irl train --task II"
+
+
+@pytest.mark.parametrize("agents", [1, 3])
+def test_environments_are_stepped_from_one_episode_to_the_next(agents):
+    row = gym.measure(agents, "frames", seconds=0.1, config=load_config(EXPERIMENT))
+    assert (row.agents, row.observation) == (agents, "frames")
+    assert row.steps_per_second > 0
+    assert row.shape.endswith(" × 3")

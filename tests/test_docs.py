@@ -11,6 +11,8 @@ import pytest
 import yaml
 
 from relm_irl_jax.errors import InputError
+from relm_irl_jax.files import read_table, write_json
+from relm_irl_jax.results import ResultRow, Results, results_to_dict
 
 ROOT = Path(__file__).parents[1]
 PAGES = [
@@ -53,7 +55,7 @@ def test_tables_of_results_are_those_of_the_committed_files(page, monkeypatch):
 
 def test_what_a_study_has_measured_replaces_those_rows_alone(monkeypatch):
     monkeypatch.syspath_prepend(ROOT / "experiments")
-    merged = import_module("docs_tables").merged
+    merged = import_module("committed_tables").merged
     old = {"agent": ["a", "a", "b"], "variant": ["x", "y", "x"], "mean": ["1", "2", "3"]}
     new = {"agent": ["b", "a", "a"], "variant": ["x", "y", "z"], "mean": ["30", "20", "40"]}
     expected = {"agent": ["a", "a", "a", "b"], "variant": ["x", "y", "z", "x"], "mean": ["1", "20", "40", "30"]}
@@ -61,6 +63,43 @@ def test_what_a_study_has_measured_replaces_those_rows_alone(monkeypatch):
     assert merged({}, old, ("agent", "variant")) == old
     with pytest.raises(InputError, match="columns agent instead of agent, variant, mean"):
         merged({"agent": ["a"]}, new, ("agent", "variant"))
+
+
+def test_tables_of_two_cores_and_of_a_gpu_are_kept_apart(monkeypatch, tmp_path):
+    monkeypatch.syspath_prepend(ROOT / "experiments")
+    committed = import_module("committed_tables")
+    monkeypatch.setattr(committed, "TABLES", tmp_path)
+    monkeypatch.setattr(committed, "ROOT", tmp_path)
+    for device in ("cpu", "gpu"):
+        run = tmp_path / device / "siamese"
+        (run / "tables").mkdir(parents=True)
+        write_json(run / "hardware.json", {"hardware": {"devices": [device]}, "seconds": {}})
+        (run / "tables" / "task-II.csv").write_text(device)
+        committed.copy_tables(tmp_path / device)
+    assert (tmp_path / "siamese-two-cores-task-II.csv").read_text() == "cpu"
+    assert (tmp_path / "siamese-task-II.csv").read_text() == "gpu"
+
+
+def test_agents_of_other_programs_have_a_row_each(monkeypatch, tmp_path):
+    monkeypatch.syspath_prepend(ROOT / "experiments")
+    committed = import_module("committed_tables")
+    monkeypatch.setattr(committed, "TABLES", tmp_path)
+    rooms = {"scene": "room-0", "seed": 0, "episodes": 1, "ple": 0.0}
+    (tmp_path / "examples").mkdir()
+    for name, rate in (("dqn", 0.25), ("ppo", 0.5)):
+        rows = tuple(
+            ResultRow(method=method, room_type=room_type, sr=sr, spl=sr / 2, **rooms)
+            for method, rates in (("random", (0.0, 0.25)), (name, (rate, 1.0)))
+            for room_type, sr in zip(("bathroom", "bedroom"), rates, strict=True)
+        )
+        write_json(tmp_path / "examples" / f"{name}.json", results_to_dict(Results("II", 100, "rooms", rows)))
+    committed.copy_tables(tmp_path)
+    assert read_table(tmp_path / "examples.csv") == {
+        "agent": ["random", "dqn", "ppo"],
+        "task": ["II", "II", "II"],
+        "sr": ["0.125", "0.625", "0.75"],
+        "spl": ["0.0625", "0.3125", "0.375"],
+    }
 
 
 def test_the_menu_names_every_page():

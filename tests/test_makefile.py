@@ -74,7 +74,7 @@ def test_commands(arguments, command):
 
 def test_benchmarks_are_all_or_those_named():
     assert (
-        "for name in peers trainings agent scaling elm irl encoder; do .venv/bin/relm-irl bench $name ||"
+        "for name in commands peers trainings gym agent scaling elm irl encoder; do .venv/bin/relm-irl bench $name ||"
         in command_of("bench")
     )
     assert "for name in elm; do .venv/bin/relm-irl bench $name --out 'x' ||" in command_of(

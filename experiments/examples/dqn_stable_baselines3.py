@@ -3,7 +3,8 @@
     pip install stable-baselines3
     python experiments/examples/dqn_stable_baselines3.py --frames 300000 --tasks I II
 
-trains on the training targets of seed 0, saves `runs/examples/dqn-0.zip` and prints a table for each task. From then on
+trains on the training targets of seed 0, saves `runs/examples/dqn-0.zip`, and prints a table for each task, whose rows
+it saves as `runs/examples/dqn-TASK.json`. From then on
 
     cd experiments/examples && relm-irl evaluate ../../runs/II --policy dqn_stable_baselines3:Policy --name DQN
 
@@ -64,4 +65,6 @@ if __name__ == "__main__":
     arguments = parser.parse_args()
     train(0, arguments.frames)
     for task in arguments.tasks:
-        print(relm.compare(relm.evaluate("random", task), relm.evaluate(Policy(0), task, name="DQN")))
+        table = relm.compare(relm.evaluate("random", task), relm.evaluate(Policy(0), task, name="DQN"))
+        table.save(MODELS / f"dqn-{task}.json")
+        print(table)

@@ -3,11 +3,12 @@
     python experiments/examples/ppo_jax.py --frames 2000000 --tasks I II
 
 trains on the training targets of seed 0 with environment and agent in one compiled program, and prints a table for
-each task. The agent is a plain network on the views' features, without the paper's siamese layer
-or its heads for room types.
+each task, whose rows it saves as `runs/examples/ppo-TASK.json`. The agent is a plain network on the views' features,
+without the paper's siamese layer or its heads for room types.
 """
 
 import argparse
+from pathlib import Path
 from typing import NamedTuple
 
 import flax.linen as nn
@@ -18,6 +19,8 @@ import optax
 
 import relm_irl_jax as relm
 from relm_irl_jax.gym import TaskVectorEnv, functional_env
+
+ROWS = Path(__file__).resolve().parents[2] / "runs" / "examples"
 
 ENVS, STEPS, EPOCHS, MINIBATCHES = 256, 16, 2, 4
 GAMMA, LAMBDA, CLIP, ENTROPY = 0.99, 0.95, 0.2, 0.01
@@ -139,5 +142,8 @@ if __name__ == "__main__":
     train, policy_of = make_train(environment, params, scale, arguments.frames // (ENVS * STEPS))
     theta, success = train(jax.random.key(0))
     print(f"success rate of the last 20 updates: {float(success[-20:].mean()):.2f}")
+    ROWS.mkdir(parents=True, exist_ok=True)
     for task in arguments.tasks:
-        print(relm.compare(relm.evaluate("random", task), relm.evaluate(policy_of(theta), task, name="PPO")))
+        table = relm.compare(relm.evaluate("random", task), relm.evaluate(policy_of(theta), task, name="PPO"))
+        table.save(ROWS / f"ppo-{task}.json")
+        print(table)
