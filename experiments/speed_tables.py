@@ -79,12 +79,12 @@ def robustness() -> list[str]:
     chaos_row = (
         "`make chaos`",
         "a process is ended at seeded moments of every stage, and continued; all files of the run folder are compared",
-        f"{sum(signals.values())} times in {chaos['runs']} runs of all set-ups ({ended}; seed {chaos['seed']})",
+        f"{sum(signals.values())} times in {chaos['runs']} runs ({ended}; seed {chaos['seed']})",
         "all are equal, bit for bit",
     )
     fuzz_row = (
         "`make fuzz`",
-        f"changed inputs of {fuzz['kinds']} kinds, from configurations to checkpoints, are read or refused in one sentence",
+        f"changed inputs of {fuzz['kinds']} kinds, configurations to checkpoints, are read or refused in one sentence",
         f"{fuzz['inputs']:,} times (seed {fuzz['seed']})",
         f"{fuzz['findings']} faults",
     )

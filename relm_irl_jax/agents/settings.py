@@ -66,8 +66,8 @@ class SiameseSettings:
     """Targets of each of these scenes in the update."""
     given_share: UnitInterval = 0.25
     """Share of given targets among those of an update. With `reward-alone`, nothing tells of arrivals there either, and
-    fewer draws do not suffice (success on Task I 0.98 with 0.25, 0.87 with 0.1; one seed). With `told`, 0.1 does, and
-    more draws attract agents that look for a view near a given target."""
+    fewer draws do not suffice. With `told`, 0.1 does, and more draws attract agents that look for a view near a given
+    target."""
     near_starts: UnitInterval = 0.5
     """Share of episodes with imagined targets that start a random walk away from the target."""
     cost_limit: PositiveFloat = 0.05
