@@ -1,14 +1,13 @@
 """The committed tables of the documentation, and what copies those of a study there."""
 
-import json
 import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.files import read_table, write_table
-from relm_irl_jax.report.intervals import mean_interval
-from relm_irl_jax.report.tables import MEAN, by_seed, methods_of
+from relm_irl_jax.hardware import load_stage_times
+from relm_irl_jax.report.tables import MEAN, interval_of, methods_of
 from relm_irl_jax.results import read_results
 from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.studies.ablation import METRICS
@@ -99,22 +98,20 @@ FILES = {
 }
 """Single tables and figures of a study, and their places in `docs`."""
 
-EXAMPLE_COLUMNS = ("agent", "task", "sr", "spl")
+EXAMPLE_COLUMNS = ("agent", "task", *METRICS)
 """Columns of the table of agents of other programs."""
 
 
 def _on_cpu(run: Path) -> bool:
     """Whether a run was made without an accelerator."""
     path = RunFolder(run).hardware
-    return path.is_file() and json.loads(path.read_bytes())["hardware"]["devices"] == ["cpu"]
+    return path.is_file() and list(load_stage_times(path).hardware.devices) == ["cpu"]
 
 
-def _example_rows(path: Path) -> list[tuple[str, str, float, float]]:
+def _example_rows(path: Path) -> list[tuple[str | float, ...]]:
     """Agent, task, SR and SPL of each agent of a file of results, means over room types and seeds."""
     results = read_results(path)
-    means = {
-        (method, metric): mean_interval(list(by_seed(results.rows, method, metric, MEAN).values())).mean
+    return [
+        (method, results.task, *(interval_of(results.rows, method, metric, MEAN).mean for metric in METRICS))
         for method in methods_of(results.rows)
-        for metric in METRICS
-    }
-    return [(method, results.task, means[method, "sr"], means[method, "spl"]) for method in methods_of(results.rows)]
+    ]

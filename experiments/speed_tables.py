@@ -1,10 +1,17 @@
 """Tables of speed and of robustness in the pages, from `docs/tables`."""
 
+from collections.abc import Mapping, Sequence
+
 from committed_tables import TABLES
 
 from relm_irl_jax.benchmarks.rows import three_digits
 from relm_irl_jax.files import read_table
 from relm_irl_jax.report.names import method_name
+
+
+def _measured_on(rows: Mapping[str, Sequence[str]], lines: Sequence[str]) -> list[str]:
+    """A table under the name of the computer that its first row was measured on."""
+    return [f"{rows['computer'][0]}:", "", *lines]
 
 
 def peers() -> list[str]:
@@ -15,7 +22,7 @@ def peers() -> list[str]:
     for part, unit, ours, peer, theirs, ratio in zip(*columns, strict=True):
         rates = [three_digits(float(value)) for value in (ours, theirs, ratio)]
         lines.append(f"| {part} | {unit} | {rates[0]} | {peer} | {rates[1]} | {rates[2]} |")
-    return [f"{rows['computer'][0]}:", "", *lines]
+    return _measured_on(rows, lines)
 
 
 def scaling() -> list[str]:
@@ -46,7 +53,7 @@ def trainings(device: str) -> list[str]:
             f"{float(first):.0f}",
         )
         lines.append(f"| {agent}, {method_name(method)} | " + " | ".join(cells) + " |")
-    return [f"{rows['computer'][0]}:", "", *lines]
+    return _measured_on(rows, lines)
 
 
 def commands() -> list[str]:
@@ -55,7 +62,7 @@ def commands() -> list[str]:
     lines = ["| From nothing | Minutes | Minutes of the cores |", "|---|---:|---:|"]
     for command, *seconds in zip(rows["command"], rows["seconds"], rows["processor_seconds"], strict=True):
         lines.append(f"| `{command}` | " + " | ".join(f"{float(value) / 60:.1f}" for value in seconds) + " |")
-    return [f"{rows['computer'][0]}:", "", *lines]
+    return _measured_on(rows, lines)
 
 
 def gym() -> list[str]:
@@ -65,7 +72,7 @@ def gym() -> list[str]:
     columns = (rows[name] for name in ("agents", "observation", "shape", "steps_per_second"))
     for agents, observation, shape, rate in zip(*columns, strict=True):
         lines.append(f"| {agents} | {observation}, {shape} | {three_digits(float(rate))} |")
-    return [f"{rows['computer'][0]}:", "", *lines]
+    return _measured_on(rows, lines)
 
 
 def robustness() -> list[str]:

@@ -332,7 +332,6 @@ def main():
     began = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="chaos-") as work:
         counts, cases = chaos(options.kills, options.seed, options.setups, Path(work))
-    options.out.mkdir(parents=True, exist_ok=True)
     signals = Counter(number for _, _, number in counts.elements())
     ended = {name: [signals[name]] for name in ("SIGKILL", "SIGTERM", "SIGINT")}
     write_table(options.out / "chaos.csv", {"seed": [options.seed], "runs": [cases], **ended})

@@ -542,7 +542,6 @@ def main():
         os.environ["XDG_CACHE_HOME"] = str(Path(folder) / "cache")
         (Path(folder) / "work").mkdir()
         counts, findings = fuzz(options.cases, options.seed, Path(folder) / "work", options.only)
-    options.out.mkdir(parents=True, exist_ok=True)
     columns = {"seed": options.seed, "kinds": len(counts), "inputs": counts.total(), "findings": len(findings)}
     write_table(options.out / "fuzz.csv", {name: [value] for name, value in columns.items()})
     seen = set()

@@ -4,6 +4,7 @@
 """
 
 import re
+from dataclasses import asdict
 from importlib import import_module
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import yaml
 
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.files import read_table, write_json
+from relm_irl_jax.hardware import Hardware, StageTimes
 from relm_irl_jax.results import ResultRow, Results, results_to_dict
 
 ROOT = Path(__file__).parents[1]
@@ -73,7 +75,8 @@ def test_tables_of_two_cores_and_of_a_gpu_are_kept_apart(monkeypatch, tmp_path):
     for device in ("cpu", "gpu"):
         run = tmp_path / device / "siamese"
         (run / "tables").mkdir(parents=True)
-        write_json(run / "hardware.json", {"hardware": {"devices": [device]}, "seconds": {}})
+        hardware = Hardware("a processor", 2, (device,), "a system", "3.11", {})
+        write_json(run / "hardware.json", asdict(StageTimes(hardware, {})))
         (run / "tables" / "task-II.csv").write_text(device)
         committed.copy_tables(tmp_path / device)
     assert (tmp_path / "siamese-two-cores-task-II.csv").read_text() == "cpu"

@@ -51,12 +51,11 @@ def single_stepper(environment: TaskEnv) -> Callable[[int], None]:
     """A function that takes an action and starts an episode where the last one has ended.
 
     Args:
-        environment: the environment of one agent.
+        environment: the environment of one agent, reset once.
 
     Returns:
         The function of the action's number.
     """
-    environment.reset(seed=0)
 
     def step(action: int) -> None:
         _, _, terminated, truncated, _ = environment.step(action)
