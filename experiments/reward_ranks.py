@@ -36,6 +36,9 @@ ABLATION = Path(__file__).parent / "paper" / "ablation.toml"
 TARGETS = ("trained", "new", "uniform", "unseen")
 """Training targets, those of Task II as in the paper and drawn uniformly, and those of Task III in unseen scenes."""
 
+PAID = {"irl.minimum_cost", "irl.cost_horizon", "elm.predict_from"}
+"""Settings that change what agents are paid, and leave what is learned as it is."""
+
 
 @dataclass(frozen=True)
 class Study:
@@ -55,8 +58,10 @@ def reward_variants() -> dict[str, tuple[str, dict[str, Any]]]:
     """Title and changes of each variant of the ablation that changes what is learned or predicted."""
     found: dict[str, tuple[str, dict[str, Any]]] = {BASE: ("the default", {})}
     for name, variant in load_ablation(ABLATION).variants.items():
-        if set(variant.set) <= {"irl", "elm"} and "predict_from" not in variant.set.get("elm", {}):
-            found[name] = (variant.title, variant.set)
+        if set(variant.set) <= {"irl", "elm"}:
+            changed = {f"{group}.{setting}" for group, settings in variant.set.items() for setting in settings}
+            if not changed & PAID:
+                found[name] = (variant.title, variant.set)
     return found
 
 
