@@ -24,8 +24,8 @@ def copy_tables(study: Path) -> None:
         study: folder of the study.
     """
     for name in RUN_TITLES:
-        # The paper's agent has tables of a GPU and of two cores side by side.
-        copied = "siamese-two-cores" if name == "siamese" and _on_cpu(study / name) else name
+        # The last bits differ between processors and GPUs, and so do agents; their tables stand side by side.
+        copied = f"{name}-gpu" if _on_accelerator(study / name) else name
         for path in sorted((study / name / "tables").glob("*.csv")):
             if path.stem == "differences" or path.stem.startswith("task-"):
                 shutil.copyfile(path, TABLES / f"{copied}-{path.name}")
@@ -102,10 +102,10 @@ EXAMPLE_COLUMNS = ("agent", "task", *METRICS)
 """Columns of the table of agents of other programs."""
 
 
-def _on_cpu(run: Path) -> bool:
-    """Whether a run was made without an accelerator."""
+def _on_accelerator(run: Path) -> bool:
+    """Whether a run was made with an accelerator."""
     path = RunFolder(run).hardware
-    return path.is_file() and list(load_stage_times(path).hardware.devices) == ["cpu"]
+    return path.is_file() and list(load_stage_times(path).hardware.devices) != ["cpu"]
 
 
 def _example_rows(path: Path) -> list[tuple[str | float, ...]]:

@@ -79,8 +79,8 @@ def summary(*names: str) -> list[str]:
 
 SHORT = {
     "siamese": "The paper's agent here, 20M frames",
-    "siamese-long": "60M frames",
-    "metric-long": "The metric agent, 10M frames",
+    "siamese-gpu": "The paper's agent here, 20M frames",
+    "siamese-long-gpu": "60M frames",
 }
 """Headings of the summary's columns."""
 

@@ -79,8 +79,8 @@ def test_tables_of_two_cores_and_of_a_gpu_are_kept_apart(monkeypatch, tmp_path):
         write_json(run / "hardware.json", asdict(StageTimes(hardware, {})))
         (run / "tables" / "task-II.csv").write_text(device)
         committed.copy_tables(tmp_path / device)
-    assert (tmp_path / "siamese-two-cores-task-II.csv").read_text() == "cpu"
-    assert (tmp_path / "siamese-task-II.csv").read_text() == "gpu"
+    assert (tmp_path / "siamese-task-II.csv").read_text() == "cpu"
+    assert (tmp_path / "siamese-gpu-task-II.csv").read_text() == "gpu"
 
 
 def test_agents_of_other_programs_have_a_row_each(monkeypatch, tmp_path):

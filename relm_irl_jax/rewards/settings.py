@@ -34,8 +34,8 @@ class IrlSettings(IrlMethodSettings):
     """Demonstrations, and inverse reinforcement learning from them."""
 
     max_margin: MaxMarginSettings = MaxMarginSettings(regularisation=10.0, compare_with_lp=False)
-    """The maximum-margin program; its form, discount and r_max apply to all methods. With λ = 10, solutions reach 94%
-    of the linear program's objective, and predicted rewards rank new targets far higher than with a smaller λ."""
+    """The maximum-margin program; its form, discount and r_max apply to all methods. With λ = 10, solutions keep
+    most of the linear program's objective, and predicted rewards rank new targets far higher than with a smaller λ."""
     demonstrations: Path | None = None
     """File of recorded demonstrations as JSON lines. They replace the expert's for the training targets that they lead
     to; those that lead elsewhere are not used. If they are not shortest paths, `irl.max_margin.penalty` must be 2."""
