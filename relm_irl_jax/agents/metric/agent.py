@@ -40,8 +40,8 @@ from relm_irl_jax.types import NO_MEMORY, Parameters, Requirement, TrainingLog, 
 from relm_irl_jax.world import Targets, World
 
 TARGET_SHARE = 0.25
-"""Share of the drawn goals that are training targets; the others are drawn from all goals. Without any, paths to trained
-targets are longer, and those to new targets no shorter."""
+"""Share of the drawn goals that are training targets; the others are drawn from all goals. Without any, paths to
+trained targets are longer, and those to new targets no shorter."""
 
 GRADIENT_CLIP = 10.0
 """Largest global norm of a gradient."""

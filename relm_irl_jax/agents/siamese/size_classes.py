@@ -4,7 +4,8 @@ The cost of an update grows with the states of its scenes. A training in many sc
 each update. Compiled programs have fixed shapes, so that a scene is padded to the largest of its class; with classes of
 similar size, little is padded. With no more scenes than are drawn, every class is one scene and nothing is padded.
 
-In 60 rooms, 24 scenes with one target each find no more than six with four, the default, and take several times as long.
+In 60 rooms, 24 scenes with one target each find no more than six with four, the default, and take several times as
+long.
 """
 
 from dataclasses import dataclass, field
