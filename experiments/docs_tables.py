@@ -17,6 +17,8 @@ A page says where a table belongs, and which, between two comments:
     <!-- table: all-tasks many-rooms -->           SR and SPL on every task by agent and number of training rooms
     <!-- table: contributions -->                  what memory and adaptation add
     <!-- table: search -->                          the mapping agent in unseen rooms
+    <!-- table: learned-rewards -->                 what learned rewards change there
+    <!-- table: failed-rooms -->                    where it fails
     <!-- table: ranks -->                           ranks of targets by predicted reward
     <!-- table: variants ablation metric -->       a base and its variants, of all agents or those named
     <!-- table: selections -->                      accuracy of several ways to select neurons
@@ -80,6 +82,8 @@ KINDS: dict[str, Callable[..., list[str]]] = {
     "all-tasks": result_tables.all_tasks,
     "contributions": lambda: contributions_table(read_table(TABLES / "contributions.csv")),
     "search": result_tables.search,
+    "learned-rewards": result_tables.learned_rewards,
+    "failed-rooms": result_tables.failed_rooms,
     "ranks": result_tables.ranks,
     "variants": result_tables.variants,
     "selections": lambda: selections_table(TABLES / "elm-selections.csv"),

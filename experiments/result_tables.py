@@ -13,7 +13,13 @@ from relm_irl_jax.report.tables import MEAN, paper_value
 from relm_irl_jax.results import PREDICTED, TASKS
 from relm_irl_jax.studies.ablation import BASE, METRICS, load_ablation
 from relm_irl_jax.studies.rooms_figure import counts_of_rooms, unseen_by_rooms
-from relm_irl_jax.studies.search_page import maps_table, saved_rows, search_table
+from relm_irl_jax.studies.search_page import (
+    failed_rooms_table,
+    learned_rewards_table,
+    maps_table,
+    saved_rows,
+    search_table,
+)
 
 PRESETS = ROOT / "experiments" / "paper"
 
@@ -117,6 +123,17 @@ def all_tasks(name: str) -> list[str]:
 def search() -> list[str]:
     """The mapping agent in unseen rooms."""
     return search_table(saved_rows(TABLES / "map"), TABLES / "map")
+
+
+def learned_rewards() -> list[str]:
+    """What learned rewards change in the mapping agent's search."""
+    return learned_rewards_table(saved_rows(TABLES / "map"), TABLES / "map")
+
+
+def failed_rooms() -> list[str]:
+    """The unseen rooms in which the mapping agent fails."""
+    rows = [row for row in saved_rows(TABLES / "map") if row.agent == "map" and row.task == "III"]
+    return failed_rooms_table(rows, TABLES / "map")
 
 
 def maps(name: str) -> list[str]:

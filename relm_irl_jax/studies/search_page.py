@@ -9,7 +9,8 @@ from typing import Literal
 import numpy as np
 
 from relm_irl_jax.files import read_table
-from relm_irl_jax.report.intervals import MeanInterval, mean_interval
+from relm_irl_jax.report.comparison import markdown_difference
+from relm_irl_jax.report.intervals import MeanInterval, mean_interval, paired_difference
 from relm_irl_jax.report.names import heading
 from relm_irl_jax.report.tables import MEAN
 from relm_irl_jax.results import Task
@@ -39,6 +40,9 @@ ORDER = (
     *("oracle", "map", "package", "memoryless", "explorer", "random"),
     *("rl-prices", "elm-irl-prices", "relm-irl-prices", "relm-irl-prior"),
 )
+
+ALIKE, LEARNED = "rl-prices", ("elm-irl-prices", "relm-irl-prices", "relm-irl-prior")
+"""The search as it is, and with learned rewards, on the same episodes."""
 
 
 @dataclass(frozen=True)
@@ -88,6 +92,8 @@ def search_section(out: Path) -> list[str]:
         "reward but in the rows that name one.",
         "",
         *search_table(found, out),
+        "",
+        *learned_rewards_table(found, out),
         "",
         *failure_table([row for row in found if row.agent == "map"], out),
         "",
@@ -190,11 +196,56 @@ def row_interval(table: dict[str, list[str]], metric: str, column: str) -> MeanI
     Returns:
         The mean of scenes, then of room types, then of seeds.
     """
-    types = [room_type for room_type in ROOM_TYPES if column in (room_type, MEAN) and room_type in table["room_type"]]
-    seeds = sorted(set(table["seed"]))
-    keyed = list(zip(table["seed"], table["room_type"], map(float, table[metric]), strict=True))
-    by_type = [[[v for s, t, v in keyed if (s, t) == (seed, of)] for of in types] for seed in seeds]
-    return mean_interval([float(np.mean([np.mean(values) for values in seed if values])) for seed in by_type])
+    return mean_interval(list(_by_seed(table, metric, column).values()))
+
+
+def learned_rewards_table(rows: Sequence[SearchRow], out: Path) -> list[str]:
+    """A table of what learned rewards change in the search, paired over seeds.
+
+    Args:
+        rows: the rows.
+        out: folder of the rows.
+
+    Returns:
+        Lines of Markdown; none where the row without a learned reward, or those with one, are missing.
+    """
+    tables = {row.agent: read_table(row.path(out)) for row in rows if row.agent in (ALIKE, *LEARNED)}
+    if ALIKE not in tables or len(tables) == 1:
+        return []
+    lines = ["| Minus the search without a learned reward | SR | SPL |", "|---|---:|---:|"]
+    for agent in LEARNED:
+        if agent in tables:
+            pairs = [(_by_seed(tables[agent], metric), _by_seed(tables[ALIKE], metric)) for metric in ("sr", "spl")]
+            cells = [markdown_difference(paired_difference(*pair)[0]) for pair in pairs]
+            lines.append(f"| {NAMES[agent]} | " + " | ".join(cells) + " |")
+    return lines
+
+
+def failed_rooms_table(rows: Sequence[SearchRow], out: Path, shown: int = 3) -> list[str]:
+    """A table of the rooms in which most episodes fail.
+
+    Args:
+        rows: the rows to count.
+        out: folder of the rows.
+        shown: number of rooms; the others are one line.
+
+    Returns:
+        Lines of Markdown.
+    """
+    failed, episodes = Counter[str](), Counter[str]()
+    for table in (read_table(row.path(out)) for row in rows):
+        for scene, count, rate in zip(table["scene"], map(int, table["episodes"]), table["sr"], strict=True):
+            episodes[scene] += count
+            failed[scene] += round(count * (1 - float(rate)))
+    most = failed.most_common(shown)
+    others = {scene: number for scene, number in failed.items() if scene not in dict(most) and number}
+    lines = ["| Room | Failed | Episodes |", "|---|---:|---:|"]
+    lines += [f"| `{scene}` | {number:,} | {episodes[scene]:,} |" for scene, number in most]
+    if others:
+        number, runs = sum(others.values()), sum(episodes[scene] for scene in others)
+        lines.append(f"| {len(others)} others | {number:,} | {runs:,} |")
+    lines.append(f"| all {len(episodes)} | {failed.total():,} | {episodes.total():,} |")
+    return lines
 
 
 def failure_table(rows: Sequence[SearchRow], out: Path) -> list[str]:
@@ -221,6 +272,14 @@ def failure_table(rows: Sequence[SearchRow], out: Path) -> list[str]:
         where = f"from {row.first_room}"
         lines.append(f"| {row.task} | {row.memory} | {where} | {failed} | {count('scene')} | {count('category')} |")
     return lines
+
+
+def _by_seed(table: dict[str, list[str]], metric: str, column: str = MEAN) -> dict[int, float]:
+    """A metric's mean of scenes, then of the room types of a column, by seed."""
+    types = [room_type for room_type in ROOM_TYPES if column in (room_type, MEAN) and room_type in table["room_type"]]
+    keyed = list(zip(map(int, table["seed"]), table["room_type"], map(float, table[metric]), strict=True))
+    seeds = {seed: [[v for s, t, v in keyed if (s, t) == (seed, of)] for of in types] for seed, _, _ in keyed}
+    return {seed: float(np.mean([np.mean(values) for values in seeds[seed] if values])) for seed in sorted(seeds)}
 
 
 def _row_of(path: Path) -> SearchRow:

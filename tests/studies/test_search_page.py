@@ -1,7 +1,15 @@
 """The tables of the mapping agent's study, from files that are written by hand."""
 
 from relm_irl_jax.files import write_table
-from relm_irl_jax.studies.search_page import FAILURE_COLUMNS, METRIC_COLUMNS, SearchRow, maps_section, search_section
+from relm_irl_jax.studies.search_page import (
+    FAILURE_COLUMNS,
+    METRIC_COLUMNS,
+    SearchRow,
+    failed_rooms_table,
+    learned_rewards_table,
+    maps_section,
+    search_section,
+)
 
 
 def test_means_are_over_scenes_then_room_types_then_seeds(tmp_path):
@@ -51,4 +59,30 @@ def test_maps_have_a_column_each_and_their_mean(tmp_path):
     assert table[2:] == [
         "| Mapping agent | 40 | 0.50 / 0.25 | 0.80 / 0.40 | 0.65 / 0.33 |",
         "| Random | 40 | 0.00 / 0.00 | 0.10 / 0.05 | 0.05 / 0.03 |",
+    ]
+
+
+def test_learned_rewards_are_compared_on_the_same_seeds(tmp_path):
+    rows = []
+    for agent, rates in (("rl-prices", (0.5, 0.7)), ("relm-irl-prices", (0.6, 0.9))):
+        lines = [(seed, "bedroom-2", "bedroom", 20, sr, 0.0, 0.5) for seed, sr in enumerate(rates)]
+        rows.append(SearchRow(agent, "III", 0, "empty", 20))
+        write_table(rows[-1].path(tmp_path), dict(zip(METRIC_COLUMNS, zip(*lines, strict=True), strict=True)))
+    # Differences 0.1 and 0.2; half width t(0.975, 1) · 0.0707 / √2 = 12.7 · 0.05.
+    expected = "| RELM-IRL's reward prices steps | +0.150 ± 0.635 | +0.000 ± 0.000 |"
+    assert learned_rewards_table(rows, tmp_path)[2:] == [expected]
+    assert learned_rewards_table(rows[:1], tmp_path) == learned_rewards_table(rows[1:], tmp_path) == []
+
+
+def test_failures_are_counted_by_room(tmp_path):
+    row = SearchRow("map", "III", 0, "empty", 100)
+    rates = {"a-2": (0.97, 0.9), "b-2": (1.0, 1.0), "c-2": (0.99, 1.0), "d-2": (1.0, 0.98)}
+    lines = [
+        (seed, scene, scene[0], 100, sr, 0.0, 0.5) for scene, found in rates.items() for seed, sr in enumerate(found)
+    ]
+    write_table(row.path(tmp_path), dict(zip(METRIC_COLUMNS, zip(*lines, strict=True), strict=True)))
+    assert failed_rooms_table([row], tmp_path, shown=1)[2:] == [
+        "| `a-2` | 13 | 200 |",
+        "| 2 others | 3 | 400 |",
+        "| all 4 | 16 | 800 |",
     ]
