@@ -196,7 +196,7 @@ def _complete_with_agents(complete: Callable[[Config], None], pair: tuple[Config
 
 
 def ablation_rows(ablation: Ablation, changes: Mapping[str, Any], folder: Path) -> list[AblationRow]:
-    """The rows of all finished runs.
+    """The rows of all finished runs, of each variant for its agents.
 
     Args:
         ablation: base and variants.
@@ -211,7 +211,8 @@ def ablation_rows(ablation: Ablation, changes: Mapping[str, Any], folder: Path) 
         base: BySeed = {}
         for name in (BASE, *ablation.variants):
             config = variant_config(ablation, name, agent, changes, folder)
-            if not is_finished(config, ablation.tasks):
+            of_agent = name == BASE or agent in ablation.variants[name].agents
+            if not (of_agent and is_finished(config, ablation.tasks)):
                 continue
             run = RunFolder(folder / f"{agent}-{name}")
             method = (name != BASE and ablation.variants[name].method) or ablation.method
