@@ -85,6 +85,7 @@ class Child:
         self.folder, reading_writing = folder, os.pipe()
         self.reading = reading_writing[0]
         self.errors = folder / "stderr.txt"
+        self.errors.write_text("")  # a process that is ended at once leaves nothing of the one before it
         self.number = os.fork()
         if self.number == 0:
             os.close(self.reading)
