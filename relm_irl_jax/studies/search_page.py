@@ -10,11 +10,12 @@ import numpy as np
 
 from relm_irl_jax.files import read_table
 from relm_irl_jax.report.comparison import markdown_difference
-from relm_irl_jax.report.intervals import MeanInterval, mean_interval, paired_difference
+from relm_irl_jax.report.intervals import paired_difference
 from relm_irl_jax.report.names import heading
-from relm_irl_jax.report.tables import MEAN
-from relm_irl_jax.results import Task
+from relm_irl_jax.report.tables import MEAN, by_seed, columns_of, interval_of
+from relm_irl_jax.results import ResultRow, Task
 from relm_irl_jax.scenes.settings import ROOM_TYPES
+from relm_irl_jax.studies.ablation import METRICS
 
 METRIC_COLUMNS = ("seed", "scene", "room_type", "episodes", "sr", "ple", "spl")
 """Columns of a row's file: one line for each scene and seed."""
@@ -171,32 +172,18 @@ def search_table(rows: Sequence[SearchRow], out: Path) -> list[str]:
     lines = ["| Task | Rooms | | Episodes | " + " | ".join(heading(column) for column in columns) + " |"]
     lines.append("|---|---|---|---:|" + "---|" * len(columns))
     for row in rows:
-        table = read_table(row.path(out))
+        results = _results(row, out)
         values = [
-            f"{row_interval(table, 'sr', c)} / {row_interval(table, 'spl', c)}"
-            if c in (*table["room_type"], MEAN)
+            " / ".join(str(interval_of(results, row.agent, metric, column)) for metric in METRICS)
+            if column in columns_of(results)
             else ""
-            for c in columns
+            for column in columns
         ]
-        scenes = sorted({int(scene.rsplit("-", 1)[1]) for scene in table["scene"]})
+        scenes = sorted({int(result.scene.rsplit("-", 1)[1]) for result in results})
         name = NAMES[row.agent] + (", memory filled" if row.memory == "filled" else "")
-        runs = sum(map(int, table["episodes"]))
+        runs = sum(result.episodes for result in results)
         lines.append(f"| {row.task} | {scenes[0]}–{scenes[-1]} | {name} | {runs:,} | " + " | ".join(values) + " |")
     return lines
-
-
-def row_interval(table: dict[str, list[str]], metric: str, column: str) -> MeanInterval:
-    """Mean and interval over seeds of one metric.
-
-    Args:
-        table: a row's file.
-        metric: `sr` or `spl`.
-        column: a room type, or `MEAN` over room types.
-
-    Returns:
-        The mean of scenes, then of room types, then of seeds.
-    """
-    return mean_interval(list(_by_seed(table, metric, column).values()))
 
 
 def learned_rewards_table(rows: Sequence[SearchRow], out: Path) -> list[str]:
@@ -209,13 +196,13 @@ def learned_rewards_table(rows: Sequence[SearchRow], out: Path) -> list[str]:
     Returns:
         Lines of Markdown; none where the row without a learned reward, or those with one, are missing.
     """
-    tables = {row.agent: read_table(row.path(out)) for row in rows if row.agent in (ALIKE, *LEARNED)}
-    if ALIKE not in tables or len(tables) == 1:
+    results = {row.agent: _results(row, out) for row in rows if row.agent in (ALIKE, *LEARNED)}
+    if ALIKE not in results or len(results) == 1:
         return []
     lines = ["| Minus the search without a learned reward | SR | SPL |", "|---|---:|---:|"]
     for agent in LEARNED:
-        if agent in tables:
-            pairs = [(_by_seed(tables[agent], metric), _by_seed(tables[ALIKE], metric)) for metric in ("sr", "spl")]
+        if agent in results:
+            pairs = [[by_seed(results[name], name, metric, MEAN) for name in (agent, ALIKE)] for metric in METRICS]
             cells = [markdown_difference(paired_difference(*pair)[0]) for pair in pairs]
             lines.append(f"| {NAMES[agent]} | " + " | ".join(cells) + " |")
     return lines
@@ -233,10 +220,9 @@ def failed_rooms_table(rows: Sequence[SearchRow], out: Path, shown: int = 3) -> 
         Lines of Markdown.
     """
     failed, episodes = Counter[str](), Counter[str]()
-    for table in (read_table(row.path(out)) for row in rows):
-        for scene, count, rate in zip(table["scene"], map(int, table["episodes"]), table["sr"], strict=True):
-            episodes[scene] += count
-            failed[scene] += round(count * (1 - float(rate)))
+    for result in (result for row in rows for result in _results(row, out)):
+        episodes[result.scene] += result.episodes
+        failed[result.scene] += round(result.episodes * (1 - result.sr))
     most = failed.most_common(shown)
     others = {scene: number for scene, number in failed.items() if scene not in dict(most) and number}
     lines = ["| Room | Failed | Episodes |", "|---|---:|---:|"]
@@ -274,12 +260,24 @@ def failure_table(rows: Sequence[SearchRow], out: Path) -> list[str]:
     return lines
 
 
-def _by_seed(table: dict[str, list[str]], metric: str, column: str = MEAN) -> dict[int, float]:
-    """A metric's mean of scenes, then of the room types of a column, by seed."""
-    types = [room_type for room_type in ROOM_TYPES if column in (room_type, MEAN) and room_type in table["room_type"]]
-    keyed = list(zip(map(int, table["seed"]), table["room_type"], map(float, table[metric]), strict=True))
-    seeds = {seed: [[v for s, t, v in keyed if (s, t) == (seed, of)] for of in types] for seed, _, _ in keyed}
-    return {seed: float(np.mean([np.mean(values) for values in seeds[seed] if values])) for seed in sorted(seeds)}
+def _results(row: SearchRow, out: Path) -> list[ResultRow]:
+    """A row's metrics by scene and seed, as results of its agent."""
+    table = read_table(row.path(out))
+    return [
+        ResultRow(
+            method=row.agent,
+            scene=scene,
+            room_type=room_type,
+            seed=int(seed),
+            episodes=int(episodes),
+            sr=float(sr),
+            ple=float(ple),
+            spl=float(spl),
+        )
+        for seed, scene, room_type, episodes, sr, ple, spl in zip(
+            *(table[name] for name in METRIC_COLUMNS), strict=True
+        )
+    ]
 
 
 def _row_of(path: Path) -> SearchRow:
