@@ -42,6 +42,7 @@ from pathlib import Path
 
 import result_tables
 import speed_tables
+from claims_figure import claims_figure
 from committed_tables import ROOT, TABLES, copy_tables
 
 from relm_irl_jax.files import read_table, write_bytes
@@ -102,11 +103,12 @@ KINDS: dict[str, Callable[..., list[str]]] = {
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Copy the tables of the named studies, draw the figure over training rooms, and write the pages."""
+    """Copy the tables of the named studies, draw the figures of tables of several pieces, and write the pages."""
     for study in arguments:
         copy_tables(Path(study))
     rooms = unseen_by_rooms(*(read_table(TABLES / f"{name}.csv") for name in ("unseen", "many-rooms")))
     write_bytes(ROOT / "docs" / "training-rooms.png", as_png(rooms_figure(rooms)))
+    write_bytes(ROOT / "docs" / "claims.png", as_png(claims_figure("siamese", "siamese-long-gpu")))
     for page in PAGES:
         text = page.read_text()
         if (new := written(text)) != text:

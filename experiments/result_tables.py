@@ -31,9 +31,13 @@ def _intervals(
     return intervals_of_rows(read_table(TABLES / table), *keys, columns=columns)
 
 
-def _values(name: str, task: str) -> dict[str, dict[str, MeanInterval]]:
-    """Mean over room types of each method and metric."""
-    found: dict[str, dict[str, MeanInterval]] = {}
+Values = dict[str, dict[str, MeanInterval]]
+"""Means over room types, by method and metric."""
+
+
+def by_method(name: str, task: str) -> Values:
+    """Mean over room types of each method and metric of a piece, methods in the order of the tables."""
+    found: Values = {}
     for (method, metric, column), value in _intervals(f"{name}-task-{task}.csv", "method", "metric", "column"):
         if column == MEAN:
             found.setdefault(method, {})[metric] = value
@@ -45,7 +49,7 @@ def tasks(name: str) -> list[str]:
     lines = []
     for task in TASKS:
         lines += [f"| Task {task}: {TASK_NAMES[task]} | SR ↑ | PLE ↓ | SPL ↑ |", "|---|---:|---:|---:|"]
-        for method, values in _values(name, task).items():
+        for method, values in by_method(name, task).items():
             cells = []
             for metric in ("sr", "ple", "spl"):
                 reported = paper_value(task, method, metric, MEAN)
@@ -72,7 +76,7 @@ def summary(*names: str) -> list[str]:
     lines = ["| Task | Method | In the paper | " + " | ".join(SHORT[name] for name in names) + " |"]
     lines.append("|---|---|---:|" + "---:|" * len(names))
     for task in TASKS:
-        pieces = [_values(name, task) for name in names]
+        pieces = [by_method(name, task) for name in names]
         for number, method in enumerate(pieces[0]):
             reported = [paper_value(task, method, metric, MEAN) for metric in ("sr", "spl")]
             cells = ["" if math.isnan(reported[0]) else " / ".join(f"{value:.2f}" for value in reported)]

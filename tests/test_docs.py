@@ -55,6 +55,19 @@ def test_tables_of_results_are_those_of_the_committed_files(page, monkeypatch):
     assert written(page.read_text()) == page.read_text(), "make tables writes them"
 
 
+def test_the_figure_of_the_claims_shows_the_committed_means_and_the_papers(monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / "experiments")
+    panels = import_module("claims_figure").claims_figure("siamese", "siamese-long-gpu").axes
+    drawn = {round(float(line.get_xdata()[0]), 9) for line in panels[1].lines if len(line.get_xdata()) == 1}
+    for name in ("siamese", "siamese-long-gpu"):
+        table = read_table(ROOT / "docs" / "tables" / f"{name}-task-II.csv")
+        rows = zip(table["metric"], table["column"], table["mean"], strict=True)
+        means = {round(float(mean), 9) for metric, column, mean in rows if (metric, column) == ("sr", "mean")}
+        assert len(means) == 6
+        assert means <= drawn
+    assert {0.51, 0.49, 0.60} <= drawn, "the paper's Table 2"
+
+
 def test_what_a_study_has_measured_replaces_those_rows_alone(monkeypatch):
     monkeypatch.syspath_prepend(ROOT / "experiments")
     merged = import_module("committed_tables").merged
