@@ -89,7 +89,6 @@ def summary(*names: str) -> list[str]:
 
 SHORT = {
     "siamese": "The paper's agent here, 20M frames",
-    "siamese-gpu": "The paper's agent here, 20M frames",
     "siamese-long-gpu": "60M frames",
 }
 """Headings of the summary's columns."""
