@@ -19,7 +19,7 @@ script that calls `main` within `joblib.parallel_config` can spread them over a 
 
 import sys
 from collections.abc import Callable, Sequence
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal, get_args
@@ -36,6 +36,7 @@ from pydantic.dataclasses import dataclass
 from relm_irl_jax.config import read_fields
 from relm_irl_jax.elm.ablation import PAPER_SIZES
 from relm_irl_jax.errors import InputError
+from relm_irl_jax.interruption import Resume, exit_interrupted, interruptible
 from relm_irl_jax.progress import console
 from relm_irl_jax.studies.ablation import ablation_rows, load_ablation, run_ablation
 from relm_irl_jax.studies.page import RUN_TITLES, STUDY_TEXTS, write_study
@@ -112,16 +113,18 @@ def main(settings: Paper) -> Path:
     changes = read_fields(QUICK) if settings.quick else {}
     chosen = [name for name in RUN_TITLES if name in settings.pieces]
     times = out / "tables" / "times.csv"
-    with parallel_config(n_jobs=settings.jobs) if settings.jobs > 1 else nullcontext():
-        runs = [replace(load_preset(PRESETS / f"{name}.toml", overlays), run=out / name) for name in chosen]
-        if runs:
-            with timed(times, ", ".join(chosen)):
-                complete_runs(runs, complete_run)
+    with _workers(settings):
+        runs = {name: replace(load_preset(PRESETS / f"{name}.toml", overlays), run=out / name) for name in chosen}
+        # Several at a time have one time together.
+        for names in [chosen] if settings.jobs > 1 else [[name] for name in chosen]:
+            if names:
+                with timed(times, ", ".join(names)):
+                    complete_runs([runs[name] for name in names], complete_run)
         for name, study in studies.items():
-            if name in settings.pieces:
-                variants = [n for n, variant in study.variants.items() if variant.quick or not settings.quick]
-                if settings.variants:
-                    variants = [variant for variant in settings.variants if variant in study.variants]
+            variants = [n for n, variant in study.variants.items() if variant.quick or not settings.quick]
+            if settings.variants:
+                variants = [variant for variant in settings.variants if variant in study.variants]
+            if name in settings.pieces and variants:
                 with timed(times, name):
                     run_ablation(study, variants, changes, out / name)
     for name, run in _other_pieces(settings, overlays, out).items():
@@ -129,12 +132,17 @@ def main(settings: Paper) -> Path:
             with timed(times, name):
                 run()
     rows = {name: ablation_rows(study, changes, out / name) for name, study in studies.items()}
-    with parallel_config(n_jobs=settings.jobs) if settings.jobs > 1 else nullcontext():
+    with _workers(settings):
         path = write_study(out, rows).with_suffix(".html")
     minutes = sum(load_times(times).values()) / 60
     console.print(f"All pieces so far took {minutes:,.0f} minutes.", highlight=False)
     console.print(f"Report: {path}", highlight=False, soft_wrap=True)
     return path
+
+
+def _workers(settings: Paper) -> AbstractContextManager:
+    """The context in which runs go to as many processes as the settings say."""
+    return parallel_config(n_jobs=settings.jobs) if settings.jobs > 1 else nullcontext()
 
 
 def _other_pieces(settings: Paper, overlays: Sequence[Path], out: Path) -> dict[Piece, Callable[[], object]]:
@@ -164,7 +172,11 @@ def _other_pieces(settings: Paper, overlays: Sequence[Path], out: Path) -> dict[
 
 
 if __name__ == "__main__":
+    Resume.sentence = "paper: interrupted; the same command goes on."
     try:
-        main(tyro.cli(Paper, description=__doc__))
+        with interruptible(until_exit=True):
+            main(tyro.cli(Paper, description=__doc__))
     except InputError as error:
         sys.exit(f"paper: {error}")
+    except KeyboardInterrupt as error:
+        exit_interrupted(error)

@@ -39,13 +39,17 @@ class Resume:
 
     Attributes:
         run: the run folder of a training; None if nothing can be continued.
+        sentence: what a program other than `relm-irl` says instead.
     """
 
     run: Path | None = None
+    sentence: str = ""
 
     @classmethod
     def message(cls) -> str:
         """The sentence that is printed at the end."""
+        if cls.sentence:
+            return cls.sentence
         if cls.run is None or not (cls.run / "config.json").is_file():
             return "relm-irl: interrupted."
         return f"relm-irl: interrupted; continue with: relm-irl train --resume {shlex.quote(str(cls.run))}"
