@@ -8,7 +8,6 @@ from demonstrations that nothing else uses. Every figure lies beside a CSV file 
 over seeds (Student's t).
 """
 
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -19,7 +18,7 @@ import tyro
 from matplotlib.figure import Figure
 from rich.console import Console
 
-from relm_irl_jax.config import Config, config_from_dict, config_to_dict
+from relm_irl_jax.config import Config
 from relm_irl_jax.elm.ablation import (
     PAPER_SIZES,
     Pairs,
@@ -27,8 +26,7 @@ from relm_irl_jax.elm.ablation import (
     accuracy_by_size,
     compare_regularisation,
 )
-from relm_irl_jax.errors import InputError
-from relm_irl_jax.files import read_numbers, read_table, write_json, write_table
+from relm_irl_jax.files import read_numbers, read_table, write_table
 from relm_irl_jax.report.figures import load_press_curve, press_columns, press_figure, save_figure
 from relm_irl_jax.report.intervals import mean_interval, mean_intervals
 from relm_irl_jax.rewards.demonstrated import DemonstratedReward, learn_demonstrated_rewards
@@ -36,6 +34,8 @@ from relm_irl_jax.rewards.learned import learn_demonstrated
 from relm_irl_jax.rewards.predicted import pair_data
 from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.stages.encoding import encode_training, encode_unseen
+from relm_irl_jax.studies.settings_file import check_settings
+from relm_irl_jax.studies.study import PREDICTION_FIELDS
 from relm_irl_jax.tasks import TaskSplit, draw_split
 
 POINTS = 8000
@@ -208,28 +208,6 @@ def summarise_selections(folders: Sequence[Path]) -> dict[str, list]:
     return columns
 
 
-def check_folder(settings: Ablation) -> None:
-    """Write the settings to the folder, or refuse a folder with the results of other ones.
-
-    Args:
-        settings: the ablation.
-
-    Raises:
-        InputError: the folder holds another ablation.
-    """
-    path = settings.out / "settings.json"
-    content = {"sizes": list(settings.sizes), "config": config_to_dict(settings.config)}
-    if path.exists():
-        found = json.loads(path.read_text())
-        # Settings that a later version added have their defaults.
-        found["config"] = config_to_dict(config_from_dict(found["config"], "settings.json"))
-        if found != content:
-            raise InputError(
-                f"out: {settings.out} holds an ablation with other settings; give another folder, or remove it."
-            )
-    write_json(path, content)
-
-
 def main(settings: Ablation) -> None:
     """Measure what is missing in the folder and draw Figures 7 to 10.
 
@@ -237,10 +215,10 @@ def main(settings: Ablation) -> None:
         settings: what to measure and where to write it.
 
     Raises:
-        InputError: the folder holds another ablation.
+        InputError: the folder holds results with other settings.
     """
     out, console = settings.out, Console()
-    check_folder(settings)
+    check_settings(out, settings.config, PREDICTION_FIELDS, sizes=list(settings.sizes))
     folders = [out / f"seed-{seed}" for seed in range(settings.seeds)]
     missing = [[table for table in MEASUREMENTS if not (folder / table).exists()] for folder in folders]
     if any(missing):

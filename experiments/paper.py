@@ -40,7 +40,8 @@ from relm_irl_jax.interruption import Resume, exit_interrupted, interruptible
 from relm_irl_jax.progress import console
 from relm_irl_jax.studies.ablation import ablation_rows, load_ablation, run_ablation
 from relm_irl_jax.studies.page import RUN_TITLES, STUDY_TEXTS, write_study
-from relm_irl_jax.studies.study import complete_run, complete_runs, load_preset
+from relm_irl_jax.studies.settings_file import check_settings
+from relm_irl_jax.studies.study import SCENE_FIELDS, complete_run, complete_runs, load_preset
 from relm_irl_jax.studies.times import load_times, timed
 
 PRESETS = Path(__file__).parent / "paper"
@@ -154,8 +155,9 @@ def _other_pieces(settings: Paper, overlays: Sequence[Path], out: Path) -> dict[
         elm_ablation.main(elm_ablation.Ablation(out / "elm", config.seeds, sizes, config))
 
     def stability() -> None:
+        walks = 4 if settings.quick else irl_stability.Study.trajectories
+        check_settings(out / "stability", config, (*SCENE_FIELDS, "irl"), trajectories=walks)
         if not (out / "stability" / "stability.csv").exists():
-            walks = 4 if settings.quick else irl_stability.Study.trajectories
             irl_stability.main(irl_stability.Study(out / "stability", trajectories=walks, config=config))
 
     def ranks() -> None:

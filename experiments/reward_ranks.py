@@ -18,6 +18,7 @@ from rich.console import Console
 from rich.table import Table
 
 from relm_irl_jax.config import Config, overlay
+from relm_irl_jax.errors import InputError
 from relm_irl_jax.files import read_table, write_table
 from relm_irl_jax.progress import progress_bar
 from relm_irl_jax.report.intervals import mean_interval
@@ -29,6 +30,8 @@ from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.stages.encoding import encode_training, encode_unseen
 from relm_irl_jax.stages.rewards import learn, reward_quality_rows
 from relm_irl_jax.studies.ablation import BASE, load_ablation
+from relm_irl_jax.studies.settings_file import check_settings
+from relm_irl_jax.studies.study import PREDICTION_FIELDS
 from relm_irl_jax.tasks import draw_split
 
 ABLATION = Path(__file__).parent / "paper" / "ablation.toml"
@@ -103,7 +106,13 @@ def main(study: Study) -> Path:
         The table's file.
     """
     config = study.config.resolved()
-    variants = {name: v for name, v in reward_variants().items() if not study.variants or name in study.variants}
+    known = reward_variants()
+    if unknown := set(study.variants) - set(known):
+        raise InputError(f"variants: there is no {min(unknown)}; known variants: {', '.join(known)}.")
+    check_settings(study.out, config, PREDICTION_FIELDS, seeds=study.seeds)
+    # The table is of all variants that the folder holds, whichever were measured now.
+    held = [name for name in known if (study.out / f"{name}.csv").exists()]
+    variants = {name: known[name] for name in known if name in (*held, *(study.variants or known))}
     training = encode_training(config)
     unseen = encode_unseen(config, training)
     columns: dict[str, list[Any]] = {

@@ -22,7 +22,7 @@ from relm_irl_jax.config import Config, Method, Task
 from relm_irl_jax.env import Episode, shortest_path
 from relm_irl_jax.episode_runner import Outcome, run_episodes
 from relm_irl_jax.evaluation import Episodes, draw_episodes, evaluation_key
-from relm_irl_jax.files import write_table
+from relm_irl_jax.files import checksum_of, write_table
 from relm_irl_jax.progress import console, progress_bar
 from relm_irl_jax.rewards.learned import predicted_observations
 from relm_irl_jax.rewards.predicted import RewardPredictor
@@ -33,6 +33,7 @@ from relm_irl_jax.stages.evaluation import result_rows
 from relm_irl_jax.stages.make_agent import make_agent
 from relm_irl_jax.stages.worlds import EvaluationTask, evaluation_task, standardised_world
 from relm_irl_jax.studies.search_page import FAILURE_COLUMNS, METRIC_COLUMNS, SearchRow
+from relm_irl_jax.studies.settings_file import check_settings
 from relm_irl_jax.studies.study import complete_run, shared_rewards
 from relm_irl_jax.tasks import Target
 from relm_irl_jax.types import Policy
@@ -79,6 +80,9 @@ def rows(episodes: int) -> list[SearchRow]:
     ]
 
 
+SETTINGS = ("scenes", "scene", "encoder", "tasks", "irl", "elm", "map", "evaluation", "seeds")
+"""Fields of the configuration on which the rows depend."""
+
 QUICK = (("map", 0), ("oracle", 0), ("memoryless", 0), ("relm-irl-prices", 0), ("relm-irl-prior", 0))
 """Agents and first rooms of the rows of the quick study."""
 
@@ -107,7 +111,11 @@ def main(config: Config, out: Path, *, quick: bool = False) -> None:
         config: scenes, agent, seeds and episodes.
         out: folder of the rows.
         quick: whether to measure only a few of them.
+
+    Raises:
+        InputError: the folder holds rows of other settings.
     """
+    check_settings(out, config, SETTINGS)
     for row in rows(config.evaluation.episodes):
         if quick and (row.task != "III" or (row.agent, row.first_room) not in QUICK):
             continue
@@ -122,9 +130,13 @@ def maps(config: Config, out: Path) -> None:
     Args:
         config: the maps, agent and episodes; one seed.
         out: folder of the run and of the rows.
+
+    Raises:
+        InputError: the folder holds rows of other settings, or of other weights.
     """
     folder = RunFolder(out / "run")
     complete_run(replace(config, run=folder.path), tasks=["III"], maps=False)
+    check_settings(out, config, SETTINGS, weights=checksum_of(folder.agent("rl", 0)))
     few = -(-config.evaluation.episodes // FEWER_IN_MAPS)
     for agent in ("map", "package", "oracle", "random", "explorer", "memoryless"):
         weights = "package" if agent == "package" else str(folder.agent("rl", 0))

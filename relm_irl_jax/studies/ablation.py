@@ -21,7 +21,7 @@ from relm_irl_jax.results import TASKS, Task, load_all_results, load_reward_qual
 from relm_irl_jax.run_config import opened_run
 from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.stages.make_agent import training_rooms_count
-from relm_irl_jax.studies.study import complete_run, complete_runs, is_finished
+from relm_irl_jax.studies.study import complete_run, complete_runs, is_finished, mark_unfinished
 
 BASE = "base"
 """Name of the runs with which variants are compared."""
@@ -179,19 +179,23 @@ def run_ablation(ablation: Ablation, names: Sequence[str], changes: Mapping[str,
         tuple(variant_config(ablation, name, agent, changes, folder) for name in (source, variant))
         for (source, agent), (variant, _) in zip(sources, evaluated, strict=True)
     ]
-    complete_runs(pairs, partial(_complete_with_agents, complete))
+    complete_runs(pairs, partial(_complete_with_agents, complete, ablation.tasks))
 
 
-def _complete_with_agents(complete: Callable[[Config], None], pair: tuple[Config, Config]) -> None:
+def _complete_with_agents(
+    complete: Callable[[Config], None], tasks: Sequence[Task], pair: tuple[Config, Config]
+) -> None:
     """Complete a run with the trained agents of another one."""
     source, config = pair
     if trained_part(source) != trained_part(config):
         raise InputError(f"{config.run}: differs from {source.run} in more than its evaluation; let it train agents.")
     assert source.run is not None
-    with opened_run(config.resolved()) as folder:
-        for path in sorted((source.run / name) for name in ("agents", "curves")):
-            for file in sorted(path.iterdir()):
-                write_bytes(folder.path / path.name / file.name, file.read_bytes())
+    if not is_finished(config, tasks):
+        mark_unfinished(config)
+        with opened_run(config.resolved()) as folder:
+            for path in sorted((source.run / name) for name in ("agents", "curves")):
+                for file in sorted(path.iterdir()):
+                    write_bytes(folder.path / path.name / file.name, file.read_bytes())
     complete(config)
 
 

@@ -29,6 +29,7 @@ from relm_irl_jax.run_folder import RunFolder
 from relm_irl_jax.scenes.scene import Scene
 from relm_irl_jax.stages.encoding import EncodedScenes, encode_training
 from relm_irl_jax.stages.make_agent import needs_features
+from relm_irl_jax.studies.settings_file import with_fields_of
 from relm_irl_jax.tasks import TaskSplit, draw_split
 
 SCENE_FIELDS = ("scenes", "scene", "encoder")
@@ -37,6 +38,9 @@ DEMONSTRATION_FIELDS = (*SCENE_FIELDS, "tasks", "irl")
 """Fields on which demonstrated rewards depend."""
 PREDICTION_FIELDS = (*DEMONSTRATION_FIELDS, "elm")
 """Fields on which the regressors depend."""
+
+REPORT = "report.html"
+"""The last file that a run writes."""
 
 Run = TypeVar("Run")
 
@@ -82,7 +86,8 @@ def complete_run(config: Config, *, tasks: Sequence[Task] = TASKS, maps: bool = 
         console.print(f"{config.run}: finished", highlight=False)
         return
     console.print(f"{config.run}", highlight=False)
-    encoded = _encoded(_only(config, SCENE_FIELDS)) if needs_features(config) else None
+    mark_unfinished(config)
+    encoded = _encoded(with_fields_of(config, SCENE_FIELDS)) if needs_features(config) else None
     run(config, tasks, encoded, learn_shared, maps=maps)
 
 
@@ -112,8 +117,8 @@ def shared_rewards(config: Config, seed: int) -> LearnedRewards:
     Returns:
         The learned rewards.
     """
-    fitted = replace(_only(config, PREDICTION_FIELDS), elm=replace(config.elm, predict_from="start"))
-    demonstrated = _demonstrated(_only(config, DEMONSTRATION_FIELDS), seed)
+    fitted = replace(with_fields_of(config, PREDICTION_FIELDS), elm=replace(config.elm, predict_from="start"))
+    demonstrated = _demonstrated(with_fields_of(config, DEMONSTRATION_FIELDS), seed)
     return replace(demonstrated, regressors=_regressors(fitted, seed))
 
 
@@ -130,7 +135,7 @@ def is_finished(config: Config, tasks: Sequence[Task] = TASKS) -> bool:
     if config.run is None:
         raise InputError("run: the runs of a study need a run folder; give one.")
     folder = RunFolder(config.run)
-    if not folder.config.exists() or not (folder.path / "report.html").exists():
+    if not folder.config.exists() or not (folder.path / REPORT).exists():
         return False
     if _compared(load_config(folder.config)) != _compared(config):
         return False
@@ -144,15 +149,22 @@ def is_finished(config: Config, tasks: Sequence[Task] = TASKS) -> bool:
     return set(results) >= set(tasks) and all(required <= of_task for of_task in measured)
 
 
+def mark_unfinished(config: Config) -> None:
+    """Remove a run's report before its folder names other settings than those that its results are of.
+
+    A run that is ended before its new results are there is then not taken for a finished one.
+
+    Args:
+        config: the configuration; `run` names the folder.
+    """
+    assert config.run is not None
+    (config.run / REPORT).unlink(missing_ok=True)
+
+
 def _compared(config: Config) -> dict:
     """The fields on which the results of all tasks depend."""
     resolved = config_to_dict(config.resolved())
     return {name: value for name, value in resolved.items() if name not in ("run", "task")}
-
-
-def _only(config: Config, fields: Sequence[str]) -> Config:
-    """The default configuration with some fields of another one, as a key of the caches."""
-    return replace(Config(), **{name: getattr(config, name) for name in fields})
 
 
 @lru_cache(maxsize=1)
@@ -162,11 +174,11 @@ def _encoded(config: Config) -> EncodedScenes:
 
 @lru_cache(maxsize=8)
 def _demonstrated(config: Config, seed: int) -> LearnedRewards:
-    scenes = _encoded(_only(config, SCENE_FIELDS)).scenes
+    scenes = _encoded(with_fields_of(config, SCENE_FIELDS)).scenes
     return learn_demonstrated(scenes, draw_split(scenes, (), config.tasks, seed), config.irl, seed)
 
 
 @lru_cache(maxsize=8)
 def _regressors(config: Config, seed: int) -> dict[str, ELMRegressor]:
-    demonstrated = _demonstrated(_only(config, DEMONSTRATION_FIELDS), seed).demonstrated
-    return fit_regressors(_encoded(_only(config, SCENE_FIELDS)).scenes, demonstrated, config.elm, seed)
+    demonstrated = _demonstrated(with_fields_of(config, DEMONSTRATION_FIELDS), seed).demonstrated
+    return fit_regressors(_encoded(with_fields_of(config, SCENE_FIELDS)).scenes, demonstrated, config.elm, seed)

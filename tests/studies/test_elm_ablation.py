@@ -69,5 +69,9 @@ def test_every_figure_has_its_table_and_nothing_is_fitted_again(tmp_path, monkey
     del kept["config"]["elm"]["leave_out"]  # as a version left it that had no such field
     (tmp_path / "settings.json").write_text(json.dumps(kept))
     elm_ablation.main(settings)
-    with pytest.raises(InputError, match="holds an ablation with other settings"):
+    with pytest.raises(InputError, match=r"holds results with other settings \(sizes\); give another folder"):
         elm_ablation.main(elm_ablation.Ablation(tmp_path, seeds=2, sizes=(1, 20)))
+    fewer = replace(settings.config, elm=replace(settings.config.elm, hidden=9))
+    with pytest.raises(InputError, match=r"other settings \(elm\)"):
+        elm_ablation.main(replace(settings, config=fewer))
+    elm_ablation.main(replace(settings, config=replace(settings.config, frames=7)))  # no ELM depends on it

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from relm_irl_jax.errors import InputError
 from relm_irl_jax.files import read_table
 from relm_irl_jax.studies.study import load_preset
 
@@ -35,3 +36,12 @@ def test_ranks_of_a_tiny_study_are_kept(study, tmp_path, monkeypatch):
     assert all(1 <= float(mean) <= 80 for mean in table["mean"])
     monkeypatch.setattr(study, "learn", None)  # what is finished is not learned again
     assert read_table(study.main(settings)) == table
+    for changed, fault in (
+        ({"variants": ("bsae",)}, "variants: there is no bsae; known variants: base, "),
+        ({"seeds": 3}, r"other settings \(seeds\); give another folder"),
+    ):
+        with pytest.raises(InputError, match=fault):
+            study.main(replace(settings, **changed))
+    file = (tmp_path / "base.csv").read_text()
+    (tmp_path / "lp.csv").write_text(file.replace("base", "lp"))
+    assert set(read_table(study.main(settings))["variant"]) == {"base", "lp"}

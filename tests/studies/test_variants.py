@@ -124,6 +124,30 @@ def test_a_variant_may_evaluate_the_agents_of_another(tmp_path, monkeypatch):
         run_ablation(replace(ablation, variants={"greedy": differing}), ["greedy"], {}, tmp_path)
 
 
+def test_agents_of_another_variant_are_evaluated_again_in_other_settings(tmp_path, monkeypatch):
+    """The folder names the new settings before their results are there."""
+
+    def evaluating(policy: str) -> Ablation:
+        changes = {"evaluation": {"policy": policy}}
+        return replace(SMALL, variants={"again": Variant("again", changes, ("siamese",), trained_by=BASE)})
+
+    source = RunFolder(tmp_path / "siamese-base")
+    leave_results(variant_config(SMALL, BASE, "siamese", {}, tmp_path), [0.1, 0.5])
+    for path in (source.agent("rl", 0), source.curve("rl", 0)):
+        write_bytes(path, b"")
+    leave_results(variant_config(evaluating("greedy"), "again", "siamese", {}, tmp_path).resolved(), [0.1, 0.5])
+    completed = []
+
+    def complete(config, *, tasks, maps):
+        completed.append((config.run.name, is_finished(config, tasks)))
+
+    monkeypatch.setattr("relm_irl_jax.studies.ablation.complete_run", complete)
+    run_ablation(evaluating("greedy"), ["again"], {}, tmp_path)
+    run_ablation(evaluating("sample"), ["again"], {}, tmp_path)
+    base = ("siamese-base", True)
+    assert completed == [base, ("siamese-again", True), base, ("siamese-again", False)]
+
+
 def test_faults_are_named(tmp_path):
     (tmp_path / "a.toml").write_text("[base]\n[variants.x]\ntitle = 't'\nset.elm.colour = 3\n")
     with pytest.raises(InputError, match=r"variants\.x\.set: unknown field `elm\.colour`"):
