@@ -1,16 +1,16 @@
 """The committed tables of the documentation, and what copies those of a study there."""
 
-import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.files import read_table, write_table
+from relm_irl_jax.files import read_table, write_bytes, write_table
 from relm_irl_jax.hardware import load_stage_times
 from relm_irl_jax.report.tables import MEAN, interval_of, methods_of
 from relm_irl_jax.results import read_results
+from relm_irl_jax.run_config import load_run_config
 from relm_irl_jax.run_folder import RunFolder
-from relm_irl_jax.studies.ablation import METRICS
+from relm_irl_jax.studies.ablation import BASE, METRICS
 from relm_irl_jax.studies.page import RUN_TITLES, STUDY_TEXTS
 
 ROOT = Path(__file__).parents[1]
@@ -22,30 +22,56 @@ def copy_tables(study: Path) -> None:
 
     Args:
         study: folder of the study.
+
+    Raises:
+        InputError: the folder holds no table that the pages show, or those of tiny rooms.
     """
+    copied = [*_tables_of_runs(study), *_single_files(study)]
+    tables = [(path, keys) for name, keys in MERGED.items() if (path := study / "tables" / f"{name}.csv").is_file()]
+    examples = [row for path in sorted(study.glob("*.json")) if study.name == "examples" for row in _example_rows(path)]
+    if not (copied or tables or examples):
+        raise InputError(f"{study}: there is no table of the documentation; give the folder of a study or benchmark.")
+    for path, target in copied:
+        write_bytes(target, path.read_bytes())
+    for path, keys in tables:
+        _merge(path.name, read_table(path), keys)
+    if examples:
+        table = zip(EXAMPLE_COLUMNS, map(list, zip(*dict.fromkeys(examples), strict=True)), strict=True)
+        _merge("examples.csv", dict(table), ("agent", "task"))
+
+
+def _tables_of_runs(study: Path) -> Iterator[tuple[Path, Path]]:
+    """The tables of a study's runs, and where they are committed."""
     for name in RUN_TITLES:
+        run = RunFolder(study / name)
+        if run.config.is_file() and load_run_config(run).scene.size == "tiny":
+            raise InputError(f"{study}: {name} ran in tiny rooms, whose numbers mean nothing; give another study.")
         # The last bits differ between processors and GPUs, and so do agents; their tables stand side by side.
-        copied = f"{name}-gpu" if _on_accelerator(study / name) else name
-        for path in sorted((study / name / "tables").glob("*.csv")):
+        committed = f"{name}-gpu" if _on_accelerator(run) else name
+        for path in sorted((run.path / "tables").glob("*.csv")):
             if path.stem == "differences" or path.stem.startswith("task-"):
-                shutil.copyfile(path, TABLES / f"{copied}-{path.name}")
-    for name, keys in MERGED.items():
-        if (path := study / "tables" / f"{name}.csv").is_file():
-            committed = TABLES / path.name
-            write_table(committed, merged(read_table(committed) if committed.exists() else {}, read_table(path), keys))
-    if rows := [row for path in sorted((study / "examples").glob("*.json")) for row in _example_rows(path)]:
-        write_table(
-            TABLES / "examples.csv", dict(zip(EXAMPLE_COLUMNS, zip(*dict.fromkeys(rows), strict=True), strict=True))
-        )
+                yield path, TABLES / f"{committed}-{path.name}"
+
+
+def _single_files(study: Path) -> Iterator[tuple[Path, Path]]:
+    """Other tables and figures of a study, and where they are committed."""
     for name in ("map", "map-vizdoom"):
-        for path in (study / name).glob("*.csv"):
-            shutil.copyfile(path, TABLES / name / path.name)
+        for path in sorted((study / name).glob("*.csv")):
+            yield path, TABLES / name / path.name
     for path, name in FILES.items():
         if (study / path).is_file():
-            shutil.copyfile(study / path, ROOT / "docs" / name)
+            yield study / path, ROOT / "docs" / name
     if (path := study / "trainings" / "trainings.csv").is_file():
         on_cpu = read_table(path)["computer"][0].endswith("on cpu")
-        shutil.copyfile(path, TABLES / f"speed-trainings-{'cpu' if on_cpu else 'gpu'}.csv")
+        yield path, TABLES / f"speed-trainings-{'cpu' if on_cpu else 'gpu'}.csv"
+
+
+def _merge(name: str, new: Mapping[str, list[str]], keys: Sequence[str]) -> None:
+    """Replace the rows of a committed table that another one has measured again."""
+    committed = TABLES / name
+    old = read_table(committed) if committed.exists() else {}
+    table = merged(old, new, keys)
+    write_table(committed, without_stale_changes(old, new, table) if "change" in table else table)
 
 
 def merged(old: Mapping[str, list[str]], new: Mapping[str, list[str]], keys: Sequence[str]) -> dict[str, list[str]]:
@@ -71,6 +97,34 @@ def merged(old: Mapping[str, list[str]], new: Mapping[str, list[str]], keys: Seq
     first = list(dict.fromkeys(key[0] for key in rows))
     lines = [line for key in sorted(rows, key=lambda key: first.index(key[0])) for line in rows[key]]
     return dict(zip(new, map(list, zip(*lines, strict=True)), strict=True))
+
+
+def without_stale_changes(
+    old: Mapping[str, list[str]], new: Mapping[str, list[str]], table: dict[str, list[str]]
+) -> dict[str, list[str]]:
+    """Leave out changes from a base that was measured again with other results, where the variant was not.
+
+    Args:
+        old: columns of a committed table of a base and its variants.
+        new: columns of the rows that were measured.
+        table: both, as `merged` returns them.
+
+    Returns:
+        The columns; the changes of these variants are NaN.
+    """
+
+    def of_base(columns: Mapping[str, list[str]], agent: str) -> list[tuple[str, ...]]:
+        rows = (dict(zip(columns, line, strict=True)) for line in zip(*columns.values(), strict=True))
+        found = [row for row in rows if (row["agent"], row["variant"]) == (agent, BASE)]
+        return [(row["task"], row["metric"], row["mean"]) for row in found]
+
+    measured = set(zip(new["agent"], new["variant"], strict=True))
+    other = {agent for agent, variant in measured if variant == BASE and of_base(old, agent) != of_base(new, agent)}
+    rows = zip(table["agent"], table["variant"], strict=True)
+    stale = [agent in other and (agent, variant) not in measured for agent, variant in rows]
+    for name in ("change", "change_half_width"):
+        table[name] = ["nan" if unknown else value for unknown, value in zip(stale, table[name], strict=True)]
+    return table
 
 
 MERGED = {
@@ -102,16 +156,16 @@ EXAMPLE_COLUMNS = ("agent", "task", *METRICS)
 """Columns of the table of agents of other programs."""
 
 
-def _on_accelerator(run: Path) -> bool:
+def _on_accelerator(run: RunFolder) -> bool:
     """Whether a run was made with an accelerator."""
-    path = RunFolder(run).hardware
-    return path.is_file() and list(load_stage_times(path).hardware.devices) != ["cpu"]
+    path = run.hardware
+    return path.is_file() and set(load_stage_times(path).hardware.devices) != {"cpu"}
 
 
-def _example_rows(path: Path) -> list[tuple[str | float, ...]]:
+def _example_rows(path: Path) -> list[tuple[str, ...]]:
     """Agent, task, SR and SPL of each agent of a file of results, means over room types and seeds."""
     results = read_results(path)
     return [
-        (method, results.task, *(interval_of(results.rows, method, metric, MEAN).mean for metric in METRICS))
+        (method, results.task, *(str(interval_of(results.rows, method, metric, MEAN).mean) for metric in METRICS))
         for method in methods_of(results.rows)
     ]

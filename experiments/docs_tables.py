@@ -5,7 +5,7 @@
     make tables RUN=runs/bench    the same with what the benchmarks have measured
     make tables RUN=runs/robustness                    with what `make chaos` and `make fuzz` have counted
     make tables RUN=runs/default                       with the table of the default run, `make train TASK=II RUN=...`
-    make tables RUN=runs          with the rows of the programs in experiments/examples
+    make tables RUN=runs/examples                      with the rows of the programs in experiments/examples
     make tables                   write those of the pages from docs/tables
 
 A page says where a table belongs, and which, between two comments:
@@ -45,6 +45,7 @@ import speed_tables
 from claims_figure import claims_figure
 from committed_tables import ROOT, TABLES, copy_tables
 
+from relm_irl_jax.errors import InputError
 from relm_irl_jax.files import read_table, write_bytes
 from relm_irl_jax.report.figures import as_png
 from relm_irl_jax.studies.contributions import contributions_table
@@ -116,4 +117,7 @@ def main(arguments: Sequence[str]) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    try:
+        main(sys.argv[1:])
+    except InputError as error:
+        sys.exit(f"tables: {error}")

@@ -176,8 +176,9 @@ def variants(name: str, *agents: str) -> list[str]:
         cells = ["" if math.isnan(rank.mean) else f"{rank:.1f}"] if ranked else []
         for column in columns:
             value = values[agent, variant, *column]
-            change = f"{value.mean:.2f} ({markdown_difference(changes[agent, variant, *column])})"
-            cells.append(str(value) if variant == BASE else change)
+            change = changes[agent, variant, *column]
+            unknown = variant == BASE or math.isnan(change.mean)
+            cells.append(str(value) if unknown else f"{value.mean:.2f} ({markdown_difference(change)})")
         lines.append(f"| {agent} | {title} | " + " | ".join(cells) + " |")
     return lines
 

@@ -11,8 +11,9 @@ from pathlib import Path
 import pytest
 import yaml
 
+from relm_irl_jax.config import Config, config_to_dict, overlay
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.files import read_table, write_json
+from relm_irl_jax.files import read_table, write_json, write_table
 from relm_irl_jax.hardware import Hardware, StageTimes
 from relm_irl_jax.results import ResultRow, Results, results_to_dict
 
@@ -109,13 +110,44 @@ def test_agents_of_other_programs_have_a_row_each(monkeypatch, tmp_path):
             for room_type, sr in zip(("bathroom", "bedroom"), rates, strict=True)
         )
         write_json(tmp_path / "examples" / f"{name}.json", results_to_dict(Results("II", 100, "rooms", rows)))
-    committed.copy_tables(tmp_path)
+    earlier = {"agent": ["dqn", "mine"], "task": ["II", "I"], "sr": ["0.5", "0.25"], "spl": ["0.5", "0.25"]}
+    write_table(tmp_path / "examples.csv", earlier)
+    committed.copy_tables(tmp_path / "examples")
     assert read_table(tmp_path / "examples.csv") == {
-        "agent": ["random", "dqn", "ppo"],
-        "task": ["II", "II", "II"],
-        "sr": ["0.125", "0.625", "0.75"],
-        "spl": ["0.0625", "0.3125", "0.375"],
+        "agent": ["dqn", "mine", "random", "ppo"],
+        "task": ["II", "I", "II", "II"],
+        "sr": ["0.625", "0.25", "0.125", "0.75"],
+        "spl": ["0.3125", "0.25", "0.0625", "0.375"],
     }
+
+
+def test_a_folder_without_tables_of_the_pages_is_refused_and_so_are_tiny_rooms(monkeypatch, tmp_path):
+    monkeypatch.syspath_prepend(ROOT / "experiments")
+    committed = import_module("committed_tables")
+    with pytest.raises(InputError, match=r"papr: there is no table of the documentation; give the folder of a study"):
+        committed.copy_tables(tmp_path / "papr")
+    tiny = overlay(Config(), {"scene": {"size": "tiny"}}, "tiny")
+    write_json(tmp_path / "siamese" / "config.json", config_to_dict(tiny))
+    with pytest.raises(InputError, match="siamese ran in tiny rooms, whose numbers mean nothing"):
+        committed.copy_tables(tmp_path)
+
+
+def test_changes_from_a_base_that_was_measured_again_are_unknown(monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / "experiments")
+    committed = import_module("committed_tables")
+
+    def table(variants: str, base: str, change: str) -> dict[str, list[str]]:
+        rows = [("metric", v, "II", "sr", base if v == "base" else "0.5", change, "0.1") for v in variants.split()]
+        names = ("agent", "variant", "task", "metric", "mean", "change", "change_half_width")
+        return dict(zip(names, map(list, zip(*rows, strict=True)), strict=True))
+
+    old = table("base lp ridge", "0.4", "0.1")
+    for base, change in (("0.4", "0.1"), ("0.3", "nan")):
+        new = table("base lp", base, "0.2")
+        merged = committed.merged(old, new, ("agent", "variant"))
+        found = committed.without_stale_changes(old, new, merged)
+        assert found["variant"] == ["base", "lp", "ridge"]
+        assert found["change"] == ["0.2", "0.2", change]
 
 
 def test_the_menu_names_every_page():

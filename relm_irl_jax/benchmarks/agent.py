@@ -34,7 +34,9 @@ from relm_irl_jax.benchmarks.environment import STEPS, environment_program
 from relm_irl_jax.benchmarks.irl import open_room
 from relm_irl_jax.benchmarks.rows import write_rows
 from relm_irl_jax.benchmarks.timing import Timing, describe_computer, time_calls
+from relm_irl_jax.files import write_bytes
 from relm_irl_jax.progress import progress_bar
+from relm_irl_jax.report.figures import as_png
 from relm_irl_jax.rewards.equation import LinearRewardForm
 from relm_irl_jax.rewards.functions import LinearReward
 from relm_irl_jax.rewards.imagined import ImaginedTargets
@@ -293,4 +295,4 @@ def _draw(rows: list[Rate], path: Path) -> None:
     axes.set(xlabel="workers", ylabel="frames per second")
     label_log_axes(axes, [row.workers for row in rows])
     figure.legend(loc="outside lower center", ncols=2, frameon=False)
-    figure.savefig(path, dpi=150)
+    write_bytes(path, as_png(figure))

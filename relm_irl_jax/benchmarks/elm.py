@@ -27,6 +27,8 @@ from relm_irl_jax.elm.least_squares import solve_output_weights
 from relm_irl_jax.elm.matrices import float64
 from relm_irl_jax.elm.mrsr import mrsr_path
 from relm_irl_jax.elm.press import press_path_of_basis
+from relm_irl_jax.files import write_bytes
+from relm_irl_jax.report.figures import as_png
 
 
 class Size(NamedTuple):
@@ -218,7 +220,7 @@ def draw_scaling(rows: list[Measurement], path: Path) -> None:
     figure.axes[0].set_ylabel("seconds (median)")
     figure.axes[0].legend()
     figure.suptitle(f"MRSR + PRESS of every prefix + refit: {describe_computer()}", fontsize=8)
-    figure.savefig(path, dpi=150)
+    write_bytes(path, as_png(figure))
 
 
 def print_table(console: Console, rows: list[Measurement]) -> None:

@@ -20,8 +20,10 @@ from relm_irl_jax.benchmarks.axes import label_log_axes
 from relm_irl_jax.benchmarks.rows import write_rows
 from relm_irl_jax.benchmarks.timing import describe_computer
 from relm_irl_jax.experts import follow_expert, shortest_path_expert
+from relm_irl_jax.files import write_bytes
 from relm_irl_jax.irl import MaxMarginProblem, MaxMarginSettings, Solution, reference_max_margin, solve_many
 from relm_irl_jax.irl.settings import Variant
+from relm_irl_jax.report.figures import as_png
 from relm_irl_jax.scenes.scene import Scene, pose_graph, shortest_path_distances, successors
 
 
@@ -211,7 +213,7 @@ def _draw(rows: Sequence[Measurement], path: Path) -> None:
         axes.set(xlabel=sweep, ylabel="milliseconds per problem")
         label_log_axes(axes, [getattr(row, sweep) for row in rows if row.sweep == sweep])
         axes.legend(frameon=False, fontsize=8)
-    figure.savefig(path, dpi=150)
+    write_bytes(path, as_png(figure))
 
 
 if __name__ == "__main__":

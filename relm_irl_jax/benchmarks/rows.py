@@ -1,11 +1,12 @@
 """Tables of measurements as CSV files."""
 
-import csv
 import math
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
+
+from relm_irl_jax.files import write_table
 
 
 def write_rows(path: Path, rows: Sequence[Any]) -> None:
@@ -13,12 +14,11 @@ def write_rows(path: Path, rows: Sequence[Any]) -> None:
 
     Args:
         path: the file.
-        rows: instances of one dataclass, whose fields are the columns.
+        rows: instances of one dataclass, whose fields are the columns; None leaves a cell empty.
     """
-    with path.open("w", newline="") as file:
-        writer = csv.DictWriter(file, list(asdict(rows[0])))
-        writer.writeheader()
-        writer.writerows(asdict(row) for row in rows)
+    columns = [field.name for field in fields(rows[0])]
+    values = {name: [getattr(row, name) for row in rows] for name in columns}
+    write_table(path, {name: ["" if value is None else value for value in of_rows] for name, of_rows in values.items()})
 
 
 def three_digits(value: float) -> str:
