@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.files import read_table, write_bytes, write_table
+from relm_irl_jax.files import columns_of_rows, read_table, write_bytes, write_table
 from relm_irl_jax.hardware import load_stage_times
 from relm_irl_jax.report.tables import MEAN, interval_of, methods_of
 from relm_irl_jax.results import read_results
@@ -36,8 +36,7 @@ def copy_tables(study: Path) -> None:
     for path, keys in tables:
         _merge(path.name, read_table(path), keys)
     if examples:
-        table = zip(EXAMPLE_COLUMNS, map(list, zip(*dict.fromkeys(examples), strict=True)), strict=True)
-        _merge("examples.csv", dict(table), ("agent", "task"))
+        _merge("examples.csv", columns_of_rows(EXAMPLE_COLUMNS, dict.fromkeys(examples)), ("agent", "task"))
 
 
 def _tables_of_runs(study: Path) -> Iterator[tuple[Path, Path]]:
@@ -96,7 +95,7 @@ def merged(old: Mapping[str, list[str]], new: Mapping[str, list[str]], keys: Seq
         rows |= measured
     first = list(dict.fromkeys(key[0] for key in rows))
     lines = [line for key in sorted(rows, key=lambda key: first.index(key[0])) for line in rows[key]]
-    return dict(zip(new, map(list, zip(*lines, strict=True)), strict=True))
+    return columns_of_rows(list(new), lines)
 
 
 def without_stale_changes(

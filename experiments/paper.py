@@ -18,11 +18,11 @@ script that calls `main` within `joblib.parallel_config` can spread them over a 
 """
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import elm_ablation
 import irl_stability
@@ -38,7 +38,7 @@ from relm_irl_jax.elm.ablation import PAPER_SIZES
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.interruption import Resume, exit_interrupted, interruptible
 from relm_irl_jax.progress import console
-from relm_irl_jax.studies.ablation import ablation_rows, load_ablation, run_ablation
+from relm_irl_jax.studies.ablation import Ablation, AblationRow, ablation_rows, load_ablation, run_ablation
 from relm_irl_jax.studies.page import RUN_TITLES, STUDY_TEXTS, write_study
 from relm_irl_jax.studies.settings_file import check_settings
 from relm_irl_jax.studies.study import SCENE_FIELDS, complete_run, complete_runs, load_preset
@@ -132,7 +132,7 @@ def main(settings: Paper) -> Path:
         if name in settings.pieces:
             with timed(times, name):
                 run()
-    rows = {name: ablation_rows(study, changes, out / name) for name, study in studies.items()}
+    rows = {name: _rows(name, study, changes, out) for name, study in studies.items()}
     with _workers(settings):
         path = write_study(out, rows).with_suffix(".html")
     minutes = sum(load_times(times).values()) / 60
@@ -144,6 +144,15 @@ def main(settings: Paper) -> Path:
 def _workers(settings: Paper) -> AbstractContextManager:
     """The context in which runs go to as many processes as the settings say."""
     return parallel_config(n_jobs=settings.jobs) if settings.jobs > 1 else nullcontext()
+
+
+def _rows(name: str, study: Ablation, changes: Mapping[str, Any], out: Path) -> list[AblationRow]:
+    """The rows of a study; a damaged file leaves the study out of the report, and is named."""
+    try:
+        return ablation_rows(study, changes, out / name)
+    except InputError as error:
+        console.print(f"{name} is not in the report: {error}", highlight=False, soft_wrap=True)
+        return []
 
 
 def _other_pieces(settings: Paper, overlays: Sequence[Path], out: Path) -> dict[Piece, Callable[[], object]]:

@@ -22,7 +22,7 @@ from relm_irl_jax.config import Config, Method, Task
 from relm_irl_jax.env import Episode, shortest_path
 from relm_irl_jax.episode_runner import Outcome, run_episodes
 from relm_irl_jax.evaluation import Episodes, draw_episodes, evaluation_key
-from relm_irl_jax.files import checksum_of, write_table
+from relm_irl_jax.files import checksum_of, columns_of_rows, write_table
 from relm_irl_jax.progress import console, progress_bar
 from relm_irl_jax.rewards.learned import predicted_observations
 from relm_irl_jax.rewards.predicted import RewardPredictor
@@ -168,8 +168,8 @@ def measure(config: Config, row: SearchRow, out: Path) -> None:
         of_group = outcomes_of(pool, run_row(config, row, pool, out), row)
         metrics += of_group[0]
         failures += of_group[1]
-    write_table(row.failures(out), _columns(FAILURE_COLUMNS, failures))
-    write_table(row.path(out), _columns(METRIC_COLUMNS, metrics))
+    write_table(row.failures(out), columns_of_rows(FAILURE_COLUMNS, failures))
+    write_table(row.path(out), columns_of_rows(METRIC_COLUMNS, metrics))
 
 
 def run_row(config: Config, row: SearchRow, pool: Pool, out: Path) -> Outcome:
@@ -321,7 +321,3 @@ def _failures(task: EvaluationTask, episodes: Episodes, scene: int, seed: int) -
         ]
         for n in np.flatnonzero(~episodes.success[scene]).tolist()
     ]
-
-
-def _columns(names: Sequence[str], table: Sequence[Sequence]) -> dict[str, list]:
-    return {name: [row[n] for row in table] for n, name in enumerate(names)}

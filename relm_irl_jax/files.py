@@ -10,7 +10,7 @@ import json
 import os
 import re
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -161,6 +161,20 @@ def write_table(path: Path, columns: Mapping[str, Any]) -> None:
     writer.writerow(columns)
     writer.writerows([str(value) for value in row] for row in zip(*columns.values(), strict=True))
     write_bytes(path, text.getvalue().encode())
+
+
+def columns_of_rows(names: Sequence[str], rows: Iterable[Sequence[Any]]) -> dict[str, list]:
+    """A table as columns, for `write_table`.
+
+    Args:
+        names: the names of the columns.
+        rows: the rows, each with a value for each column; there may be none.
+
+    Returns:
+        The columns by name.
+    """
+    table = list(rows)
+    return {name: [row[number] for row in table] for number, name in enumerate(names)}
 
 
 def read_table(path: Path) -> dict[str, list[str]]:

@@ -13,7 +13,7 @@ import yaml
 
 from relm_irl_jax.config import Config, config_to_dict, overlay
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.files import read_table, write_json, write_table
+from relm_irl_jax.files import columns_of_rows, read_table, write_json, write_table
 from relm_irl_jax.hardware import Hardware, StageTimes
 from relm_irl_jax.results import ResultRow, Results, results_to_dict
 
@@ -139,7 +139,7 @@ def test_changes_from_a_base_that_was_measured_again_are_unknown(monkeypatch):
     def table(variants: str, base: str, change: str) -> dict[str, list[str]]:
         rows = [("metric", v, "II", "sr", base if v == "base" else "0.5", change, "0.1") for v in variants.split()]
         names = ("agent", "variant", "task", "metric", "mean", "change", "change_half_width")
-        return dict(zip(names, map(list, zip(*rows, strict=True)), strict=True))
+        return columns_of_rows(names, rows)
 
     old = table("base lp ridge", "0.4", "0.1")
     for base, change in (("0.4", "0.1"), ("0.3", "nan")):

@@ -8,6 +8,7 @@ from matplotlib.collections import PatchCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from relm_irl_jax.files import columns_of_rows
 from relm_irl_jax.report.names import method_name, target_name
 from relm_irl_jax.saved_episodes import SavedEpisode
 from relm_irl_jax.scenes.scene import GRID_STEP
@@ -83,7 +84,7 @@ def episode_columns(episodes: Sequence[SavedEpisode]) -> dict[str, list]:
                 (poses.name, kind, step, *poses.location[state].tolist(), float(poses.rotation[state]))
                 for step, state in zip(steps, states, strict=True)
             ]
-    return dict(zip(("scene", "kind", "step", "x", "z", "rotation"), map(list, zip(*rows, strict=True)), strict=True))
+    return columns_of_rows(("scene", "kind", "step", "x", "z", "rotation"), rows)
 
 
 def _draw(panel: Axes, episode: SavedEpisode) -> None:

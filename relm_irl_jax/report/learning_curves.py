@@ -13,7 +13,7 @@ from jaxtyping import Float64
 from matplotlib.figure import Figure
 
 from relm_irl_jax.errors import InputError
-from relm_irl_jax.files import read_numbers
+from relm_irl_jax.files import columns_of_rows, read_numbers
 from relm_irl_jax.report.figures import method_colour
 from relm_irl_jax.report.intervals import mean_interval, mean_intervals
 from relm_irl_jax.report.names import as_text, method_name
@@ -192,7 +192,7 @@ def success_columns(curves: MethodCurves) -> dict[str, list]:
         Columns for `write_table`; NaN if the level was not reached.
     """
     rows = [(m, seed, frames_to_success(curve)) for m, by_seed in curves.items() for seed, curve in by_seed.items()]
-    return dict(zip(("method", "seed", "frames"), map(list, zip(*rows, strict=True)), strict=True))
+    return columns_of_rows(("method", "seed", "frames"), rows)
 
 
 def success_table(curves: MethodCurves) -> str:

@@ -9,6 +9,7 @@ from typing import TypeVar
 from matplotlib.figure import Figure
 
 from relm_irl_jax.errors import InputError, first_line
+from relm_irl_jax.files import columns_of_rows
 from relm_irl_jax.report.episodes import episode_caption, episode_columns, episode_figure
 from relm_irl_jax.report.figures import (
     DrawnFigure,
@@ -222,7 +223,7 @@ def prediction_figure(data: RunData) -> list[DrawnFigure]:
 
     def draw() -> list[DrawnFigure]:
         figure = bar_figure(bars, [heading(column) for column in columns], "SPL on Task III")
-        save_figure(figure, path, dict(zip(names, zip(*table, strict=True), strict=True)))
+        save_figure(figure, path, columns_of_rows(names, table))
         return [DrawnFigure(path, "ELM-IRL and RELM-IRL on Task III", caption)]
 
     return data.drawn("figure-11", draw)

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
+from relm_irl_jax.files import columns_of_rows
 from relm_irl_jax.report.names import target_name
 from relm_irl_jax.saved_searches import SavedSearch
 from relm_irl_jax.scenes.scene import GRID_STEP
@@ -92,7 +93,7 @@ def search_columns(searches: Sequence[SavedSearch]) -> dict[str, list]:
             top = float(search.probability[moment].max())
             rows.append((search.poses.name, step, *here, probability_of_target(search, moment), top))
     names = ("scene", "steps", "x", "z", "rotation", "probability_of_target", "largest_probability")
-    return dict(zip(names, map(list, zip(*rows, strict=True)), strict=True))
+    return columns_of_rows(names, rows)
 
 
 def probability_of_target(search: SavedSearch, moment: int) -> float:

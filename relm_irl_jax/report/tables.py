@@ -5,10 +5,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from rich.table import Table
 
+from relm_irl_jax.files import columns_of_rows
 from relm_irl_jax.report.intervals import MeanInterval, mean_interval
 from relm_irl_jax.report.names import METRIC_NAMES, as_text, heading, in_order, method_name
 from relm_irl_jax.report.paper import COLUMNS, PAPER
-from relm_irl_jax.results import BESIDE_NAMES, ResultRow, Results, RewardQualityRow
+from relm_irl_jax.results import ResultRow, Results, RewardQualityRow, is_of_run
 from relm_irl_jax.scenes.settings import ROOM_TYPES
 
 METRICS = tuple(METRIC_NAMES)
@@ -101,21 +102,22 @@ def separate_best(rows: Sequence[ResultRow], metric: str, column: str) -> str | 
     """The best method, if its interval does not overlap the interval of any other method.
 
     Args:
-        rows: the rows; agents beside the run's own are not compared, since they have other means.
+        rows: the rows; those of other agents and of other programs are not compared, since they have other means.
         metric: `sr`, `ple` or `spl`.
         column: a room type, or `mean`.
 
     Returns:
         The method; None if intervals overlap or are undefined.
     """
+    of_run = [row for row in rows if is_of_run(row)]
     sign = -1.0 if metric == "ple" else 1.0
-    intervals = {
-        method: interval_of(rows, method, metric, column) for method in methods_of(rows) if method not in BESIDE_NAMES
-    }
+    intervals = {method: interval_of(of_run, method, metric, column) for method in methods_of(of_run)}
+    if len(intervals) < 2:
+        return None
     best = max(intervals, key=lambda method: sign * intervals[method].mean)
     lower_end = sign * intervals[best].mean - intervals[best].half_width
     others = [sign * value.mean + value.half_width for method, value in intervals.items() if method != best]
-    return best if others and all(lower_end > other for other in others) else None
+    return best if all(lower_end > other for other in others) else None
 
 
 def paper_value(task: str, method: str, metric: str, column: str) -> float:
@@ -206,7 +208,7 @@ def table_columns(results: Results) -> dict[str, list]:
             paper = paper_value(results.task, method, metric, column)
             table.append((method, metric, column, shown.mean, shown.half_width, len(values), is_best, paper))
     names = ("method", "metric", "column", "mean", "half_width", "seeds", "best", "paper")
-    return dict(zip(names, map(list, zip(*table, strict=True)), strict=True))
+    return columns_of_rows(names, table)
 
 
 def quality_table(quality: Mapping[int, Sequence[RewardQualityRow]]) -> str:

@@ -12,7 +12,7 @@ from pydantic.dataclasses import dataclass as settings_dataclass
 
 from relm_irl_jax.config import AgentName, Config, Method, overlay, read_fields, trained_part
 from relm_irl_jax.errors import InputError, first_fault
-from relm_irl_jax.files import write_bytes
+from relm_irl_jax.files import columns_of_rows, write_bytes
 from relm_irl_jax.report.comparison import markdown_difference
 from relm_irl_jax.report.intervals import MeanInterval, mean_interval, paired_difference
 from relm_irl_jax.report.names import metric_name
@@ -288,7 +288,7 @@ def ablation_columns(rows: Sequence[AblationRow]) -> dict[str, list]:
         "rooms",
         "line",
     )
-    return dict(zip(names, map(list, zip(*table, strict=True)), strict=True))
+    return columns_of_rows(names, table)
 
 
 def ablation_table(rows: Sequence[AblationRow], metric: str) -> str:

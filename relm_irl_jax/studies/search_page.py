@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from relm_irl_jax.files import read_table
+from relm_irl_jax.files import read_numbers, read_table
 from relm_irl_jax.report.comparison import markdown_difference
 from relm_irl_jax.report.intervals import paired_difference
 from relm_irl_jax.report.names import heading
@@ -262,7 +262,9 @@ def failure_table(rows: Sequence[SearchRow], out: Path) -> list[str]:
 
 def _results(row: SearchRow, out: Path) -> list[ResultRow]:
     """A row's metrics by scene and seed, as results of its agent."""
-    table = read_table(row.path(out))
+    path = row.path(out)
+    words, numbers = read_table(path), read_numbers(path, ("seed", "episodes", "sr", "ple", "spl"))
+    places = zip(*(words.get(name, [""] * len(numbers["sr"])) for name in ("scene", "room_type")), strict=True)
     return [
         ResultRow(
             method=row.agent,
@@ -274,13 +276,11 @@ def _results(row: SearchRow, out: Path) -> list[ResultRow]:
             ple=float(ple),
             spl=float(spl),
         )
-        for seed, scene, room_type, episodes, sr, ple, spl in zip(
-            *(table[name] for name in METRIC_COLUMNS), strict=True
-        )
+        for (scene, room_type), seed, episodes, sr, ple, spl in zip(places, *numbers.values(), strict=True)
     ]
 
 
 def _row_of(path: Path) -> SearchRow:
     agent, task, first, memory = path.stem.rsplit("-", 3)
-    episodes = int(read_table(path)["episodes"][0])
+    episodes = int(read_numbers(path, ["episodes"])["episodes"].max(initial=0))
     return SearchRow(agent, task, int(first), memory, episodes)  # pyrefly: ignore

@@ -1,6 +1,7 @@
 """The tables of a run, on numbers worked out by hand."""
 
 import io
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -47,6 +48,9 @@ def test_the_best_is_marked_only_where_intervals_lie_apart():
     assert separate_best(results("I", {"rl": [0.1, 0.9], "irl": [0.2, 0.95]}).rows, "sr", "mean") is None
     assert separate_best(results("I", {"rl": [0.1], "irl": [0.9]}).rows, "sr", "mean") is None
     assert separate_best(results("I", {"rl": [0.1, 0.2]}).rows, "sr", "mean") is None
+    other = [replace(row, method="ppo", agent="own", sr=1.0) for row in results("I", {"rl": [0.1, 0.2]}).rows]
+    assert separate_best([*results("I", TIGHT).rows, *other], "sr", "mean") == "relm-irl"
+    assert separate_best(other, "sr", "mean") is None
     assert separate_best(results("I", {"rl": [1.0, 1.0], "irl": [1.0, 1.0]}).rows, "sr", "mean") is None
     assert markdown_table(results("I", TIGHT)).count("**") == 2 * 3 * 3
 

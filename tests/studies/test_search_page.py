@@ -1,6 +1,6 @@
 """The tables of the mapping agent's study, from files that are written by hand."""
 
-from relm_irl_jax.files import write_table
+from relm_irl_jax.files import columns_of_rows, write_table
 from relm_irl_jax.studies.search_page import (
     FAILURE_COLUMNS,
     METRIC_COLUMNS,
@@ -21,9 +21,9 @@ def test_means_are_over_scenes_then_room_types_then_seeds(tmp_path):
         (1, "bathroom-2", "bathroom", 10, 1.0, 0.0, 0.9),
         (1, "bedroom-2", "bedroom", 10, 0.8, 0.0, 0.5),
     ]
-    write_table(row.path(tmp_path), dict(zip(METRIC_COLUMNS, zip(*lines, strict=True), strict=True)))
+    write_table(row.path(tmp_path), columns_of_rows(METRIC_COLUMNS, lines))
     failed = [(0, "bathroom-3", "door", 7, 3, 5), (0, "bathroom-3", "sink", 8, 3, 5), (1, "bedroom-2", "door", 1, 2, 3)]
-    write_table(row.failures(tmp_path), dict(zip(FAILURE_COLUMNS, zip(*failed, strict=True), strict=True)))
+    write_table(row.failures(tmp_path), columns_of_rows(FAILURE_COLUMNS, failed))
     text = search_section(tmp_path)
     table = next(line for line in text if line.startswith("| III | 2–3 |")).split(" | ")
     assert table[3] == "50"
@@ -53,7 +53,7 @@ def test_maps_have_a_column_each_and_their_mean(tmp_path):
     for agent, rates in (("random", (0.0, 0.1)), ("map", (0.5, 0.8))):
         lines = [(0, name, "doom", 20, sr, 0.0, sr / 2) for name, sr in zip(("e1m1", "map01"), rates, strict=True)]
         path = SearchRow(agent, "III", 0, "empty", 20).path(tmp_path)
-        write_table(path, dict(zip(METRIC_COLUMNS, zip(*lines, strict=True), strict=True)))
+        write_table(path, columns_of_rows(METRIC_COLUMNS, lines))
     table = [line for line in maps_section(tmp_path) if line.startswith("|")]
     assert table[0] == "| | Episodes | e1m1 | map01 | Mean |"
     assert table[2:] == [
@@ -67,7 +67,7 @@ def test_learned_rewards_are_compared_on_the_same_seeds(tmp_path):
     for agent, rates in (("rl-prices", (0.5, 0.7)), ("relm-irl-prices", (0.6, 0.9))):
         lines = [(seed, "bedroom-2", "bedroom", 20, sr, 0.0, 0.5) for seed, sr in enumerate(rates)]
         rows.append(SearchRow(agent, "III", 0, "empty", 20))
-        write_table(rows[-1].path(tmp_path), dict(zip(METRIC_COLUMNS, zip(*lines, strict=True), strict=True)))
+        write_table(rows[-1].path(tmp_path), columns_of_rows(METRIC_COLUMNS, lines))
     # Differences 0.1 and 0.2; half width t(0.975, 1) · 0.0707 / √2 = 12.7 · 0.05.
     expected = "| RELM-IRL's reward prices steps | +0.150 ± 0.635 | +0.000 ± 0.000 |"
     assert learned_rewards_table(rows, tmp_path)[2:] == [expected]
@@ -80,7 +80,7 @@ def test_failures_are_counted_by_room(tmp_path):
     lines = [
         (seed, scene, scene[0], 100, sr, 0.0, 0.5) for scene, found in rates.items() for seed, sr in enumerate(found)
     ]
-    write_table(row.path(tmp_path), dict(zip(METRIC_COLUMNS, zip(*lines, strict=True), strict=True)))
+    write_table(row.path(tmp_path), columns_of_rows(METRIC_COLUMNS, lines))
     assert failed_rooms_table([row], tmp_path, shown=1)[2:] == [
         "| `a-2` | 13 | 200 |",
         "| 2 others | 3 | 400 |",
