@@ -49,7 +49,7 @@ help:  ## Show this help.
 
 $(STAMP):
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "relm-irl-jax needs Python 3.11 or newer; give one with PYTHON=python3.11")'
-	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	@$(BIN)/python -c 'import pip' 2>/dev/null || $(PYTHON) -m venv $(VENV)
 	@echo "Installing the locked packages into $(VENV) (once) ..."
 	@$(BIN)/python -m pip install -q --disable-pip-version-check --require-hashes -r requirements.lock
 	@$(BIN)/python -m pip install -q --disable-pip-version-check --no-deps --no-build-isolation -e .
@@ -114,7 +114,7 @@ notebook: $(STAMP)  ## Open the notebooks in Jupyter, which is installed into .v
 	@$(BIN)/python -m jupyterlab experiments/notebooks
 
 $(DOCS_STAMP):
-	@test -x $(DOCS)/bin/python || $(PYTHON) -m venv $(DOCS)
+	@$(DOCS)/bin/python -c 'import pip' 2>/dev/null || $(PYTHON) -m venv $(DOCS)
 	@$(DOCS)/bin/python -m pip install -q --disable-pip-version-check --require-hashes -r requirements-docs.lock
 	@rm -f $(DOCS)/.ready-* && touch $@
 

@@ -85,7 +85,7 @@ def robustness() -> list[str]:
     ended = ", ".join(f"{count} by {name}" for name, count in signals.items())
     chaos_row = (
         "`make chaos`",
-        "a process is ended at seeded moments of every stage, and continued; all files of the run folder are compared",
+        "a process is ended at seeded moments of every stage, and continued; results, weights and tables are compared",
         f"{sum(signals.values())} times in {chaos['runs']} runs ({ended}; seed {chaos['seed']})",
         "all are equal, bit for bit",
     )

@@ -37,10 +37,6 @@ from relm_irl_jax.scenes.scene_file import save_scene  # noqa: E402
 SECONDS_TO_END = 5.0
 """Seconds within which an interrupted process must end."""
 
-TIMED = ("hardware.json", "report.md", "report.html")
-"""Files that contain durations; the report is compared without its lines of durations."""
-
-
 TRAIN = ("train", "--config", str(EXPERIMENT), "--run", "run", *QUICK, "--log.checkpoint-minutes", "0")
 LEARNED = ("--frames", "6144", "--seeds", "2", "--methods", "rl", "irl", "relm-irl")
 IN_FOLDER = ("--scenes", "../scenes", "--irl.processes", "1", "--irl.dimension", "8")
@@ -202,8 +198,6 @@ def contents(folder):
             continue
         found[name] = path.read_bytes()
         if name == "report.md":
-            lines = found[name].split(b"\n")
-            found[name] = b"\n".join(line for line in lines if not line.startswith(b"| ") or b"." not in line)
             found[name] = found[name].split(b"Hardware and time")[0]
     return found
 
@@ -284,9 +278,12 @@ def interrupted(folder, reference, generator, cache, kills):
                 if occurrence == 0:
                     break
                 begun = child.stage()
-            number = end(child, generator, generator.uniform(0, 1.1 * duration)) if begun else child.wait()
-            if not number:
-                assert child.code == 0, child.errors.read_text()
+            number = None
+            if begun is None:
+                assert child.wait() == 0, child.errors.read_text()
+            else:
+                number = end(child, generator, generator.uniform(0, 1.1 * duration))
+            if number is None:
                 break
             ended.append((stage, number.name))
         child = Child(folder, arguments, cache)

@@ -11,6 +11,7 @@ import contextlib
 import copy
 import dataclasses
 import io
+import itertools
 import json
 import math
 import os
@@ -524,7 +525,7 @@ def fuzz(cases: int, seed: int, folder: Path, only: str = "") -> tuple[Counter, 
 def keep(name: str, content: bytes) -> None:
     """Keep a finding in the corpus."""
     CORPUS.mkdir(exist_ok=True)
-    number = len(list(CORPUS.glob(f"{name}-*.json")))
+    number = next(n for n in itertools.count() if not (CORPUS / f"{name}-{n}.json").exists())
     values = {"input": name, "content": base64.b64encode(content).decode()}
     (CORPUS / f"{name}-{number}.json").write_text(json.dumps(values) + "\n")
 
@@ -537,6 +538,8 @@ def main():
     parser.add_argument("--keep", action="store_true", help="keep one finding of each kind of fault in tests/corpus")
     parser.add_argument("--out", type=Path, default=ROOT / "runs" / "robustness", help="folder for the counts")
     options = parser.parse_args()
+    if not any(options.only in name for name in inputs()):
+        parser.error(f"--only: no kind of inputs contains {options.only}; kinds: {', '.join(inputs())}.")
     began = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="fuzz-") as folder:
         os.environ["XDG_CACHE_HOME"] = str(Path(folder) / "cache")
