@@ -67,9 +67,15 @@ def written(page: str) -> str:
 
     Returns:
         The text with the tables as they must be.
+
+    Raises:
+        InputError: a table has no end, or is of no known kind.
     """
 
     def table(block: re.Match[str]) -> str:
+        if block[2] not in KINDS or "<!-- table:" in block[0][len(block[1]) :]:
+            fault = "has no <!-- /table -->" if block[2] in KINDS else f"is of no known kind ({', '.join(KINDS)})"
+            raise InputError(f"the table {block[1].strip()} {fault}.")
         lines = KINDS[block[2]](*block[3].split())
         return f"{block[1]}\n" + "\n".join(lines) + f"\n\n{block[4]}"
 

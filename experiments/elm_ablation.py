@@ -8,6 +8,7 @@ from demonstrations that nothing else uses. Every figure lies beside a CSV file 
 over seeds (Student's t).
 """
 
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -26,6 +27,7 @@ from relm_irl_jax.elm.ablation import (
     accuracy_by_size,
     compare_regularisation,
 )
+from relm_irl_jax.errors import InputError
 from relm_irl_jax.files import read_numbers, read_table, write_table
 from relm_irl_jax.report.figures import load_press_curve, press_columns, press_figure, save_figure
 from relm_irl_jax.report.intervals import mean_interval, mean_intervals
@@ -247,4 +249,7 @@ def main(settings: Ablation) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Ablation, description=__doc__))
+    try:
+        main(tyro.cli(Ablation, description=__doc__))
+    except InputError as error:
+        sys.exit(f"elm_ablation: {error}")

@@ -6,6 +6,7 @@ Problems are single trajectories in one built-in room. Weights that jump between
 by regression; the default regulariser was chosen by this table.
 """
 
+import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from rich.console import Console
 from rich.table import Table
 
 from relm_irl_jax.config import Config
+from relm_irl_jax.errors import InputError
 from relm_irl_jax.files import write_table
 from relm_irl_jax.irl import MaxMarginSettings
 from relm_irl_jax.irl.weight_stability import WeightStability, measure_weight_stability
@@ -54,9 +56,15 @@ def main(study: Study) -> tuple[WeightStability, ...]:
 
     Returns:
         One row for each of `SETTINGS`.
+
+    Raises:
+        InputError: there is no such scene.
     """
     scenes = encode_training(study.config).scenes
-    scene = next(scene for scene in scenes if scene.name == study.scene)
+    by_name = {scene.name: scene for scene in scenes}
+    if study.scene not in by_name:
+        raise InputError(f"scene: there is no {study.scene}; training scenes: {', '.join(by_name)}.")
+    scene = by_name[study.scene]
     basis = fit_basis(scenes, study.config.irl.dimension)
     rows = measure_weight_stability(scene, basis.phi(scene), SETTINGS, trajectories=study.trajectories, seed=study.seed)
     columns = {
@@ -82,4 +90,7 @@ def main(study: Study) -> tuple[WeightStability, ...]:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Study, description=__doc__))
+    try:
+        main(tyro.cli(Study, description=__doc__))
+    except InputError as error:
+        sys.exit(f"irl_stability: {error}")

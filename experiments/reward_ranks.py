@@ -7,6 +7,7 @@ the number of states of its scene whose predicted reward is at least the target'
 chance. What is finished is kept.
 """
 
+import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -104,6 +105,9 @@ def main(study: Study) -> Path:
 
     Returns:
         The table's file.
+
+    Raises:
+        InputError: there is no such variant, or the folder holds results of other settings.
     """
     config = study.config.resolved()
     known = reward_variants()
@@ -153,4 +157,7 @@ def main(study: Study) -> Path:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Study, description=__doc__))
+    try:
+        main(tyro.cli(Study, description=__doc__))
+    except InputError as error:
+        sys.exit(f"reward_ranks: {error}")

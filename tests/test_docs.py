@@ -56,6 +56,22 @@ def test_tables_of_results_are_those_of_the_committed_files(page, monkeypatch):
     assert written(page.read_text()) == page.read_text(), "make tables writes them"
 
 
+@pytest.mark.parametrize(
+    ("page", "fault"),
+    [
+        (
+            "<!-- table: peers -->\n\nTold.\n<!-- table: gym -->\n<!-- /table -->\n",
+            "table: peers --> has no <!-- /table",
+        ),
+        ("<!-- table: piers -->\n<!-- /table -->\n", r"table: piers --> is of no known kind \(tasks, "),
+    ],
+)
+def test_a_table_that_cannot_be_written_is_named(page, fault, monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / "experiments")
+    with pytest.raises(InputError, match=fault):
+        import_module("docs_tables").written(page)
+
+
 def test_the_figure_of_the_claims_shows_the_committed_means_and_the_papers(monkeypatch):
     monkeypatch.syspath_prepend(ROOT / "experiments")
     panels = import_module("claims_figure").claims_figure("siamese", "siamese-long-gpu").axes

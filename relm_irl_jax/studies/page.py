@@ -247,8 +247,9 @@ def _tables_by_agent(rows: Sequence[AblationRow]) -> list[str]:
     text = []
     for agent in dict.fromkeys(row.agent for row in rows):
         of_agent = [row for row in rows if row.agent == agent]
-        frames, seeds = of_agent[0].frames, of_agent[0].seeds
-        text += [f"### {AGENT_TITLES[agent]}", "", f"{frames:,} training frames, {seeds} seeds.", ""]
+        text += [f"### {AGENT_TITLES[agent]}", ""]
+        if len({(row.frames, row.seeds) for row in of_agent}) == 1:
+            text += [f"{of_agent[0].frames:,} training frames, {of_agent[0].seeds} seeds.", ""]
         text += [ablation_table(of_agent, "sr"), "", ablation_table(of_agent, "spl"), ""]
     return text
 
