@@ -60,7 +60,7 @@ def test_tables_of_results_are_those_of_the_committed_files(page, monkeypatch):
     ("page", "fault"),
     [
         (
-            "<!-- table: peers -->\n\nTold.\n<!-- table: gym -->\n<!-- /table -->\n",
+            "<!-- table: peers -->\n\n<!-- table: gym -->\n<!-- /table -->\n",
             "table: peers --> has no <!-- /table",
         ),
         ("<!-- table: piers -->\n<!-- /table -->\n", r"table: piers --> is of no known kind \(tasks, "),
