@@ -1,10 +1,10 @@
 """Every table and figure of the paper, from scratch; what is finished is kept, so that the same command goes on.
 
     make paper                                all pieces, then runs/paper/report.html
-    make paper PIECE=metric                   one of siamese, siamese-long, siamese-told, siamese-rooms, metric,
-                                              metric-long, metric-open, metric-no-hindsight, metric-reward-alone,
-                                              vizdoom, elm, stability, reward-ranks, ablation, irl-methods,
-                                              regularisation, map, map-vizdoom, unseen, many-rooms, report
+    make paper PIECE=metric                   one of siamese, siamese-given, siamese-long, siamese-told, siamese-rooms,
+                                              metric, metric-long, metric-open, metric-no-hindsight,
+                                              metric-reward-alone, vizdoom, elm, stability, reward-ranks, ablation,
+                                              irl-methods, regularisation, map, map-vizdoom, unseen, many-rooms, report
     make paper PIECE=ablation VARIANT=lp      one variant, and the base that it is compared with
     make paper QUICK=1                        the same code on tiny rooms, in runs/paper-quick
     make paper JOBS=4                         four runs at a time, each in a process of its own
@@ -49,6 +49,7 @@ QUICK = PRESETS / "quick.toml"
 
 Piece = Literal[
     "siamese",
+    "siamese-given",
     "siamese-long",
     "siamese-told",
     "siamese-rooms",

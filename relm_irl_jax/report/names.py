@@ -9,7 +9,7 @@ METHOD_NAMES = {
     "random": "Random",
     "bc": "BC",
     "rl": "RL",
-    "constant": "Constant (control)",
+    "constant": "Control",
     "irl": "IRL",
     "elm-irl": "ELM-IRL",
     "relm-irl": "RELM-IRL",

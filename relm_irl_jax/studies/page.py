@@ -32,6 +32,7 @@ CLAIM = (
 
 RUN_TITLES = {
     "siamese": "The paper's agent: the siamese actor-critic",
+    "siamese-given": "The paper's agent on the given targets alone, with the paper's frames",
     "siamese-long": "The paper's agent, with three times the frames",
     "siamese-told": "The paper's agent, told of arrivals at imagined targets: what the targets alone teach",
     "siamese-rooms": "The paper's agent, trained in 60 rooms",
