@@ -16,7 +16,7 @@ FAST   := JAX_DISABLE_MOST_OPTIMIZATIONS=0
 
 # A variable that is not given leaves the value of the configuration.
 TASK    ?=  ## I, II or III: the task that is evaluated; II by default.
-METHOD  ?=  ## all, or some of random, bc, rl, irl, elm-irl, relm-irl, as in METHOD="rl irl".
+METHOD  ?=  ## all, or some of random, bc, rl, constant, irl, elm-irl, relm-irl, as in METHOD="rl irl".
 AGENT   ?=  ## siamese, metric, map, recurrent or savn; by default all: siamese, and metric and map beside it.
 SCENES  ?=  ## rooms for the built-in ones, or a folder of scene files.
 SEEDS   ?=  ## Number of seeds.

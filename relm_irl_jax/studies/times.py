@@ -55,5 +55,5 @@ def times_table(path: Path) -> list[str]:
     seconds = load_times(path)
     if not seconds:
         return []
-    rows = [*seconds.items(), ("all", sum(seconds.values()))]
+    rows = [*seconds.items(), ("sum", sum(seconds.values()))]
     return ["| Piece | Minutes |", "|---|---:|", *(f"| {piece} | {total / 60:.1f} |" for piece, total in rows)]

@@ -18,4 +18,4 @@ def test_times_add_up(tmp_path, monkeypatch):
     with pytest.raises(KeyboardInterrupt), timed(path, "elm"):
         raise KeyboardInterrupt
     assert load_times(path) == {"elm": 90.0, "map": 90.0}
-    assert times_table(path)[2:] == ["| elm | 1.5 |", "| map | 1.5 |", "| all | 3.0 |"]
+    assert times_table(path)[2:] == ["| elm | 1.5 |", "| map | 1.5 |", "| sum | 3.0 |"]
