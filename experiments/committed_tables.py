@@ -28,6 +28,9 @@ def copy_tables(study: Path) -> None:
     """
     copied = [*_tables_of_runs(study), *_single_files(study)]
     tables = [(path, keys) for name, keys in MERGED.items() if (path := study / "tables" / f"{name}.csv").is_file()]
+    # The committed times are those of two cores.
+    if any(_on_accelerator(RunFolder(study / name)) for name in RUN_TITLES):
+        tables = [(path, keys) for path, keys in tables if path.stem != "times"]
     examples = [row for path in sorted(study.glob("*.json")) if study.name == "examples" for row in _example_rows(path)]
     if not (copied or tables or examples):
         raise InputError(f"{study}: there is no table of the documentation; give the folder of a study or benchmark.")

@@ -127,7 +127,7 @@ def main(settings: Paper) -> Path:
             if settings.variants:
                 variants = [variant for variant in settings.variants if variant in study.variants]
             if name in settings.pieces and variants:
-                with timed(times, name):
+                with timed(times, f"{name}: {', '.join(variants)}" if settings.variants else name):
                     run_ablation(study, variants, changes, out / name)
     for name, run in _other_pieces(settings, overlays, out).items():
         if name in settings.pieces:

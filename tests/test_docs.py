@@ -102,15 +102,19 @@ def test_tables_of_two_cores_and_of_a_gpu_are_kept_apart(monkeypatch, tmp_path):
     committed = import_module("committed_tables")
     monkeypatch.setattr(committed, "TABLES", tmp_path)
     monkeypatch.setattr(committed, "ROOT", tmp_path)
-    for device in ("cpu", "gpu"):
+    for device in ("cpu", "gpus"):
         run = tmp_path / device / "siamese"
         (run / "tables").mkdir(parents=True)
         hardware = Hardware("a processor", 2, (device,), "a system", "3.11", {})
         write_json(run / "hardware.json", asdict(StageTimes(hardware, {})))
         (run / "tables" / "task-II.csv").write_text(device)
+        write_table(tmp_path / device / "tables" / "times.csv", {"piece": ["siamese"], "seconds": [len(device)]})
+        (run / "tables" / "learning.csv").write_text("no table of the pages")
         committed.copy_tables(tmp_path / device)
     assert (tmp_path / "siamese-task-II.csv").read_text() == "cpu"
-    assert (tmp_path / "siamese-gpu-task-II.csv").read_text() == "gpu"
+    assert (tmp_path / "siamese-gpu-task-II.csv").read_text() == "gpus"
+    assert read_table(tmp_path / "times.csv") == {"piece": ["siamese"], "seconds": ["3"]}
+    assert not list(tmp_path.glob("*learning*"))
 
 
 def test_agents_of_other_programs_have_a_row_each(monkeypatch, tmp_path):
