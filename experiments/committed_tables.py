@@ -116,9 +116,8 @@ def without_stale_changes(
     """
 
     def of_base(columns: Mapping[str, list[str]], agent: str) -> list[tuple[str, ...]]:
-        rows = (dict(zip(columns, line, strict=True)) for line in zip(*columns.values(), strict=True))
-        found = [row for row in rows if (row["agent"], row["variant"]) == (agent, BASE)]
-        return [(row["task"], row["metric"], row["mean"]) for row in found]
+        rows = zip(*(columns.get(name, ()) for name in ("agent", "variant", "task", "metric", "mean")), strict=True)
+        return [row for row in rows if row[:2] == (agent, BASE)]
 
     measured = set(zip(new["agent"], new["variant"], strict=True))
     other = {agent for agent, variant in measured if variant == BASE and of_base(old, agent) != of_base(new, agent)}
