@@ -115,7 +115,7 @@ def main(arguments: Sequence[str]) -> None:
         copy_tables(Path(study))
     rooms = unseen_by_rooms(*(read_table(TABLES / f"{name}.csv") for name in ("unseen", "many-rooms")))
     write_bytes(ROOT / "docs" / "training-rooms.png", as_png(rooms_figure(rooms)))
-    write_bytes(ROOT / "docs" / "claims.png", as_png(claims_figure("siamese", "siamese-long-gpu")))
+    write_bytes(ROOT / "docs" / "claims.png", as_png(claims_figure()))
     for page in PAGES:
         text = page.read_text()
         if (new := written(text)) != text:

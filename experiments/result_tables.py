@@ -73,11 +73,11 @@ def differences(name: str) -> list[str]:
 
 def summary(*names: str) -> list[str]:
     """SR / SPL of the paper and of several pieces."""
-    lines = ["| Task | Method | In the paper | " + " | ".join(SHORT[name] for name in names) + " |"]
+    lines = ["| Task | Method | In the paper | " + " | ".join(CLAIM_PIECES[name] for name in names) + " |"]
     lines.append("|---|---|---:|" + "---:|" * len(names))
     for task in TASKS:
         pieces = [by_method(name, task) for name in names]
-        for number, method in enumerate(pieces[0]):
+        for number, method in enumerate(in_order(set().union(*pieces))):
             reported = [paper_value(task, method, metric, MEAN) for metric in ("sr", "spl")]
             cells = ["" if math.isnan(reported[0]) else " / ".join(f"{value:.2f}" for value in reported)]
             for piece in pieces:
@@ -87,11 +87,12 @@ def summary(*names: str) -> list[str]:
     return lines
 
 
-SHORT = {
-    "siamese": "The paper's agent here, 20M frames",
-    "siamese-long-gpu": "60M frames",
+CLAIM_PIECES = {
+    "siamese-given": "Given targets alone, 5M frames",
+    "siamese": "Imagined ones too, 20M frames",
+    "siamese-long-gpu": "Imagined ones too, 60M frames",
 }
-"""Headings of the summary's columns."""
+"""The pieces of the summary and of the claims' figure, and their headings there."""
 
 
 def rooms(*names: str) -> list[str]:
