@@ -2,9 +2,10 @@
 
     make paper                                all pieces, then runs/paper/report.html
     make paper PIECE=metric                   one of siamese, siamese-given, siamese-long, siamese-told, siamese-rooms,
-                                              metric, metric-long, metric-open, metric-no-hindsight,
-                                              metric-reward-alone, vizdoom, elm, stability, reward-ranks, ablation,
-                                              irl-methods, regularisation, map, map-vizdoom, unseen, many-rooms, report
+                                              siamese-resnet50, metric, metric-open, metric-no-hindsight,
+                                              metric-resnet50, metric-reward-alone, vizdoom, elm, stability,
+                                              reward-ranks, ablation, irl-methods, regularisation, map, map-vizdoom,
+                                              unseen, many-rooms, report
     make paper PIECE=ablation VARIANT=lp      one variant, and the base that it is compared with
     make paper QUICK=1                        the same code on tiny rooms, in runs/paper-quick
     make paper JOBS=4                         four runs at a time, each in a process of its own
@@ -12,8 +13,8 @@
 Tables 1 to 3 and Figures 6 and 11 are of the pieces `siamese` (the paper's agent) and `metric`, Figures 7 to 10 of
 `elm`. The piece `map` measures the mapping agent in unseen rooms. Some pieces run only where they are named:
 `vizdoom` and `map-vizdoom`, whose scenes have to be recorded first, `metric-reward-alone`, `regularisation`,
-`siamese-long` and `metric-long`, which train with more frames, and `siamese-rooms`, `unseen` and `many-rooms`, which
-train on up to hundreds of rooms. The presets lie in experiments/paper. Runs go where joblib's context sends them: a
+`siamese-long`, which trains with more frames, and `siamese-rooms`, `unseen` and `many-rooms`, which train on up to
+hundreds of rooms. The presets lie in experiments/paper. Runs go where joblib's context sends them: a
 script that calls `main` within `joblib.parallel_config` can spread them over a cluster.
 """
 
@@ -53,10 +54,11 @@ Piece = Literal[
     "siamese-long",
     "siamese-told",
     "siamese-rooms",
+    "siamese-resnet50",
     "metric",
-    "metric-long",
     "metric-open",
     "metric-no-hindsight",
+    "metric-resnet50",
     "metric-reward-alone",
     "vizdoom",
     "elm",
@@ -72,8 +74,8 @@ Piece = Literal[
     "report",
 ]
 NAMED = (
-    *("vizdoom", "map-vizdoom", "metric-reward-alone", "siamese-long", "siamese-rooms", "metric-long", "unseen"),
-    *("many-rooms", "regularisation"),
+    *("vizdoom", "map-vizdoom", "metric-reward-alone", "siamese-long", "siamese-rooms", "unseen", "many-rooms"),
+    "regularisation",
 )
 """Pieces that run only where they are named."""
 

@@ -125,14 +125,12 @@ def goals_of(config: Config, method: Method, inputs: SeedInputs, predictor: Rewa
         The goals.
     """
     scenes, split, hindsight = inputs.scenes, inputs.split, config.goals.hindsight
-    if method == "constant" and hindsight == "none" and config.goals.imagine:
+    if hindsight == "none" and config.goals.imagine and method not in ("rl", "irl"):
         hindsight = "strict"
     if method in ("rl", "constant"):
         return manual_goals(scenes, split, hindsight, config.manual)
     if method == "irl":
         return demonstrated_goals(scenes, split, hindsight, inputs.rewards())
-    if hindsight == "none" and config.goals.imagine:
-        hindsight = "strict"
     generator = np.random.default_rng([inputs.seed, 5])
     assert predictor is not None
     from_current = config.elm.predict_from == "current"

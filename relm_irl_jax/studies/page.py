@@ -36,10 +36,11 @@ RUN_TITLES = {
     "siamese-long": "The paper's agent, with three times the frames",
     "siamese-told": "The paper's agent, told of arrivals at imagined targets: what the targets alone teach",
     "siamese-rooms": "The paper's agent, trained in 60 rooms",
+    "siamese-resnet50": "The paper's agent, with the encoder ResNet-50 of random weights",
     "metric": "The metric agent: distances between views (not in the paper)",
-    "metric-long": "The metric agent, with three times the frames",
     "metric-open": "The metric agent, open: evaluation targets may also be goals",
-    "metric-no-hindsight": "The metric agent without hindsight: only methods that predict rewards have further goals",
+    "metric-no-hindsight": "The metric agent without hindsight: RL and IRL have the training targets alone as goals",
+    "metric-resnet50": "The metric agent, with the encoder ResNet-50 of random weights",
     "metric-reward-alone": "The metric agent, not told where imagined targets are: only the predicted reward says so",
     "vizdoom": "The metric agent in scenes recorded from ViZDoom",
 }
