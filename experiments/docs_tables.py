@@ -46,6 +46,7 @@ from claims_figure import claims_figure
 from committed_tables import ROOT, TABLES, copy_tables
 
 from relm_irl_jax.errors import InputError
+from relm_irl_jax.exits import errors_as_sentences
 from relm_irl_jax.files import read_table, write_bytes
 from relm_irl_jax.report.figures import as_png
 from relm_irl_jax.studies.contributions import contributions_table
@@ -123,7 +124,5 @@ def main(arguments: Sequence[str]) -> None:
 
 
 if __name__ == "__main__":
-    try:
+    with errors_as_sentences("tables"):
         main(sys.argv[1:])
-    except InputError as error:
-        sys.exit(f"tables: {error}")

@@ -8,7 +8,6 @@ from demonstrations that nothing else uses. Every figure lies beside a CSV file 
 over seeds (Student's t).
 """
 
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -27,7 +26,7 @@ from relm_irl_jax.elm.ablation import (
     accuracy_by_size,
     compare_regularisation,
 )
-from relm_irl_jax.errors import InputError
+from relm_irl_jax.exits import errors_as_sentences
 from relm_irl_jax.files import read_numbers, read_table, write_table
 from relm_irl_jax.report.figures import load_press_curve, press_columns, press_figure, save_figure
 from relm_irl_jax.report.intervals import mean_interval, mean_intervals
@@ -249,7 +248,5 @@ def main(settings: Ablation) -> None:
 
 
 if __name__ == "__main__":
-    try:
+    with errors_as_sentences("elm_ablation"):
         main(tyro.cli(Ablation, description=__doc__))
-    except InputError as error:
-        sys.exit(f"elm_ablation: {error}")

@@ -6,7 +6,6 @@ Problems are single trajectories in one built-in room. Weights that jump between
 by regression; the default regulariser was chosen by this table.
 """
 
-import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -16,6 +15,7 @@ from rich.table import Table
 
 from relm_irl_jax.config import Config
 from relm_irl_jax.errors import InputError
+from relm_irl_jax.exits import errors_as_sentences
 from relm_irl_jax.files import write_table
 from relm_irl_jax.irl import MaxMarginSettings
 from relm_irl_jax.irl.weight_stability import WeightStability, measure_weight_stability
@@ -90,7 +90,5 @@ def main(study: Study) -> tuple[WeightStability, ...]:
 
 
 if __name__ == "__main__":
-    try:
+    with errors_as_sentences("irl_stability"):
         main(tyro.cli(Study, description=__doc__))
-    except InputError as error:
-        sys.exit(f"irl_stability: {error}")

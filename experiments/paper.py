@@ -18,7 +18,6 @@ hundreds of rooms. The presets lie in experiments/paper. Runs go where joblib's 
 script that calls `main` within `joblib.parallel_config` can spread them over a cluster.
 """
 
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
@@ -37,6 +36,7 @@ from pydantic.dataclasses import dataclass
 from relm_irl_jax.config import read_fields
 from relm_irl_jax.elm.ablation import PAPER_SIZES
 from relm_irl_jax.errors import InputError
+from relm_irl_jax.exits import errors_as_sentences
 from relm_irl_jax.interruption import Resume, exit_interrupted, interruptible
 from relm_irl_jax.progress import console
 from relm_irl_jax.studies.ablation import Ablation, AblationRow, ablation_rows, load_ablation, run_ablation
@@ -188,9 +188,7 @@ def _other_pieces(settings: Paper, overlays: Sequence[Path], out: Path) -> dict[
 if __name__ == "__main__":
     Resume.sentence = "paper: interrupted; the same command goes on."
     try:
-        with interruptible(until_exit=True):
+        with interruptible(until_exit=True), errors_as_sentences("paper"):
             main(tyro.cli(Paper, description=__doc__))
-    except InputError as error:
-        sys.exit(f"paper: {error}")
     except KeyboardInterrupt as error:
         exit_interrupted(error)

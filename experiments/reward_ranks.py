@@ -7,7 +7,6 @@ the number of states of its scene whose predicted reward is at least the target'
 chance. What is finished is kept.
 """
 
-import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,6 +19,7 @@ from rich.table import Table
 
 from relm_irl_jax.config import Config, overlay
 from relm_irl_jax.errors import InputError
+from relm_irl_jax.exits import errors_as_sentences
 from relm_irl_jax.files import read_table, write_table
 from relm_irl_jax.progress import progress_bar
 from relm_irl_jax.report.intervals import mean_interval
@@ -157,7 +157,5 @@ def main(study: Study) -> Path:
 
 
 if __name__ == "__main__":
-    try:
+    with errors_as_sentences("reward_ranks"):
         main(tyro.cli(Study, description=__doc__))
-    except InputError as error:
-        sys.exit(f"reward_ranks: {error}")

@@ -12,7 +12,7 @@ MODULES = {
 }
 
 LAYERS = (
-    ("bounds", "errors", "inputs", "files", "frames", "interruption", "progress", "lazy", "hardware"),
+    ("bounds", "errors", "exits", "inputs", "files", "frames", "interruption", "progress", "lazy", "hardware"),
     ("scenes",),
     ("features",),
     ("experts", "demonstrations", "exports"),

@@ -1,22 +1,12 @@
 """The command `relm-irl`: what it reads, and how it ends. Each of its commands has a module of its name."""
 
 import difflib
-import os
 import sys
 from importlib import import_module
 from typing import Annotated, Any
 
-from pydantic import ValidationError
-
-from relm_irl_jax.errors import (
-    DivergenceError,
-    InputError,
-    first_fault,
-    is_memory_fault,
-    not_installed,
-    printable,
-    system_fault,
-)
+from relm_irl_jax.errors import InputError
+from relm_irl_jax.exits import errors_as_sentences
 from relm_irl_jax.help_pages import COMMANDS, HELP, overview
 
 
@@ -27,32 +17,8 @@ def main() -> None:
 
         print(f"relm-irl-jax {__version__}")
         return
-    try:
+    with errors_as_sentences("relm-irl"):
         _dispatch(sys.argv[1:])
-    except InputError as error:
-        _exit_with_error(str(error))
-    except DivergenceError as error:
-        _exit_with_error(str(error), 3)
-    except ValidationError as error:
-        _exit_with_error(first_fault(error))
-    except ModuleNotFoundError as error:
-        _exit_with_error(not_installed(error))
-    except BrokenPipeError:  # the reader of the output has ended, as in `relm-irl ... | head`
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(1)
-    except (OSError, MemoryError, UnicodeError) as error:
-        _exit_with_error(system_fault(error))
-    except RuntimeError as error:  # JAX's errors are of this kind
-        if not is_memory_fault(error):
-            raise
-        _exit_with_error(system_fault(error))
-
-
-def _exit_with_error(message: str, code: int = 2) -> None:
-    # Paths need not be UTF-8; `scenes check` has one line for each fault.
-    lines = (printable(line) for line in f"relm-irl: {message}".split("\n"))
-    print("\n".join(lines).encode(errors="backslashreplace").decode(), file=sys.stderr)
-    sys.exit(code)
 
 
 def _dispatch(arguments: list[str]) -> None:
