@@ -54,6 +54,11 @@ class RunFolder:
         return self.path / "hardware.json"
 
     @property
+    def report(self) -> Path:
+        """Path of the report as a page, the last file that a run writes."""
+        return self.path / "report.html"
+
+    @property
     def encoder(self) -> Path:
         """Path of the name and the checksum of the encoder that the agents were trained with."""
         return self.path / "encoder.json"

@@ -5,6 +5,7 @@ from pathlib import Path
 from rich.console import Console
 
 from relm_irl_jax.results import Results
+from relm_irl_jax.run_folder import RunFolder
 
 
 def standard_output() -> Console:
@@ -26,4 +27,4 @@ def show_results(results: Results, folder: Path) -> None:
     console = standard_output()
     console.print(console_table(results))
     console.print(" ".join(finding(results)), highlight=False)
-    console.print(f"Report: {folder / 'report.html'}", highlight=False, soft_wrap=True)
+    console.print(f"Report: {RunFolder(folder).report}", highlight=False, soft_wrap=True)

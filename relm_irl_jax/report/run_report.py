@@ -82,7 +82,7 @@ def write_page(text: Sequence[str], folder: Path) -> Path:
     """
     path = folder / "report.md"
     write_bytes(path, "\n".join(text).encode(errors="replace"))
-    write_bytes(folder / "report.html", render_page("\n".join(text), folder).encode(errors="replace"))
+    write_bytes(RunFolder(folder).report, render_page("\n".join(text), folder).encode(errors="replace"))
     return path
 
 
@@ -212,7 +212,7 @@ def _tasks(data: RunData, heading: str) -> list[str]:
 def _agents_beside(results: Results, data: RunData) -> list[str]:
     """What the agents beside the run's own are, and the files of their reports."""
     agents = [agent for name, agent in BESIDE_NAMES.items() if any(row.method == name for row in results.rows)]
-    pages = [data.folder.beside(agent).path / "report.html" for agent in agents]
+    pages = [data.folder.beside(agent).report for agent in agents]
     files = [as_code(page.relative_to(data.folder.path).as_posix()) for page in pages]
     described = [f"{agent} is {AGENT_NAMES[agent]}" for agent in agents]
     return [f"Agents beside the paper's: {'; '.join(described)}. Their reports: {listed(files)}.", ""] if agents else []

@@ -39,9 +39,6 @@ DEMONSTRATION_FIELDS = (*SCENE_FIELDS, "tasks", "irl")
 PREDICTION_FIELDS = (*DEMONSTRATION_FIELDS, "elm")
 """Fields on which the regressors depend."""
 
-REPORT = "report.html"
-"""The last file that a run writes."""
-
 Run = TypeVar("Run")
 
 
@@ -135,7 +132,7 @@ def is_finished(config: Config, tasks: Sequence[Task] = TASKS) -> bool:
     if config.run is None:
         raise InputError("run: the runs of a study need a run folder; give one.")
     folder = RunFolder(config.run)
-    if not folder.config.exists() or not (folder.path / REPORT).exists():
+    if not folder.config.exists() or not folder.report.exists():
         return False
     if _compared(load_config(folder.config)) != _compared(config):
         return False
@@ -158,7 +155,7 @@ def mark_unfinished(config: Config) -> None:
         config: the configuration; `run` names the folder.
     """
     assert config.run is not None
-    (config.run / REPORT).unlink(missing_ok=True)
+    RunFolder(config.run).report.unlink(missing_ok=True)
 
 
 def _compared(config: Config) -> dict:
