@@ -90,7 +90,7 @@ def summary(*names: str) -> list[str]:
 CLAIM_PIECES = {
     "siamese-given": "Given targets alone, 5M frames",
     "siamese": "Imagined ones too, 20M frames",
-    "siamese-long-gpu": "Imagined ones too, 60M frames",
+    "siamese-long": "Imagined ones too, 60M frames",
 }
 """The pieces of the summary and of the claims' figure, and their headings there."""
 
