@@ -1,6 +1,7 @@
 """The figure of the paper's claims: success on every task, of the paper and of the pieces that repeat it."""
 
 import math
+from typing import Any
 
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -33,21 +34,12 @@ def claims_figure() -> Figure:
         methods = in_order(set().union(*pieces.values()))
         for line, method in enumerate(methods):
             colour = method_colour(method)
-            for number, (name, (shape, filled)) in enumerate(marks.items()):
+            for number, (name, mark) in enumerate(marks.items()):
                 if method not in pieces[name]:
                     continue
                 value = pieces[name][method][metric]
                 height = line + 0.26 * (number - (len(marks) - 1) / 2)
-                panel.errorbar(
-                    value.mean,
-                    height,
-                    xerr=value.half_width,
-                    color=colour,
-                    marker=shape,
-                    ms=6,
-                    mfc=colour if filled else "white",
-                    capsize=2,
-                )
+                panel.errorbar(value.mean, height, xerr=value.half_width, ms=6, capsize=2, **_style(mark, colour))
             if not math.isnan(reported := paper_value(task, method, metric, MEAN)):
                 panel.plot(reported, line, color=colour, marker="x", ms=8, ls="none")
         panel.set_yticks(range(len(methods)), [method_name(method) for method in methods])
@@ -55,9 +47,12 @@ def claims_figure() -> Figure:
         panel.set_title(f"Task {task}: {TASK_NAMES[task]}", fontsize=9.5)
         panel.grid(axis="x", alpha=0.3)
     legend = {"In the paper": ("x", True)} | {heading: marks[name] for name, heading in CLAIM_PIECES.items()}
-    handles = [
-        Line2D([], [], color="black", marker=shape, mfc="black" if filled else "white", ls="none")
-        for shape, filled in legend.values()
-    ]
+    handles = [Line2D([], [], ls="none", **_style(mark, "black")) for mark in legend.values()]
     figure.legend(handles, list(legend), loc="outside lower center", ncols=len(legend), frameon=False)
     return figure
+
+
+def _style(mark: tuple[str, bool], colour: str) -> dict[str, Any]:
+    """How a mark is drawn in a colour."""
+    shape, filled = mark
+    return {"color": colour, "marker": shape, "mfc": colour if filled else "white"}

@@ -12,7 +12,7 @@ A page says where a table belongs, and which, between two comments:
 
     <!-- table: tasks siamese -->        SR, PLE and SPL of a piece's methods on each task
     <!-- table: differences siamese -->  RELM-IRL minus the other methods, paired over seeds
-    <!-- table: summary siamese siamese-long -->    SR and SPL of several pieces, and the paper's
+    <!-- table: summary -->                         SR and SPL of the pieces of the claims, and the paper's
     <!-- table: rooms unseen many-rooms -->         success in unseen rooms against the number of training rooms
     <!-- table: all-tasks many-rooms -->           SR and SPL on every task by agent and number of training rooms
     <!-- table: contributions -->                  what memory and adaptation add

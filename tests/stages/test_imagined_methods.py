@@ -61,6 +61,7 @@ def test_the_control_of_the_metric_agent_imagines_without_hindsight(inputs):
     rl, constant = (goals_of(config, method, inputs, None) for method in ("rl", "constant"))
     np.testing.assert_array_equal(rl.count, rl.trained)
     assert (np.asarray(constant.count) > np.asarray(constant.trained)).all()
+    assert set(np.unique(constant.cost).tolist()) == {1.0}
     with_hindsight = goals_of(Config(), "rl", inputs, None)
     for left, right in zip(jax.tree.leaves(constant), jax.tree.leaves(with_hindsight), strict=True):
         np.testing.assert_array_equal(left, right)
