@@ -18,6 +18,8 @@ from relm_irl_jax.agents.map.network import MapNetwork
 from relm_irl_jax.agents.map.training_rooms import GeneratedRooms
 from relm_irl_jax.agents.map.weights import SHIPPED, save_weights
 from relm_irl_jax.agents.settings import FRAMES, MapSettings
+from relm_irl_jax.exits import errors_as_sentences
+from relm_irl_jax.files import ensure_writable
 from relm_irl_jax.progress import progress_bar
 from relm_irl_jax.scenes.rooms.room_specifications import VERSION
 from relm_irl_jax.scenes.rooms.training_rooms import FIRST_ROOM
@@ -47,6 +49,7 @@ def main() -> None:
     parser.add_argument("--output", type=Path, default=SHIPPED)
     arguments = parser.parse_args()
     given = sys.argv[1:]
+    ensure_writable(arguments.output.parent)
 
     begin, used = time.perf_counter(), time.process_time()
     settings, rooms = MapSettings(rooms=arguments.rooms), GeneratedRooms(arguments.rooms)
@@ -68,4 +71,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    with errors_as_sentences("weights"):
+        main()
