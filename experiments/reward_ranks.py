@@ -113,20 +113,22 @@ def main(study: Study) -> Path:
     known = reward_variants()
     if unknown := set(study.variants) - set(known):
         raise InputError(f"variants: there is no {min(unknown)}; known variants: {', '.join(known)}.")
-    check_settings(study.out, config, PREDICTION_FIELDS, seeds=study.seeds)
     # The table is of all variants that the folder holds, whichever were measured now.
-    held = [name for name in known if (study.out / f"{name}.csv").exists()]
+    held = [name for name in known if (study.out / name / "ranks.csv").exists()]
     variants = {name: known[name] for name in known if name in (*held, *(study.variants or known))}
+    configs = {name: overlay(config, changes, ABLATION.name) for name, (_, changes) in variants.items()}
+    for name, changed in configs.items():
+        check_settings(study.out / name, changed, PREDICTION_FIELDS, seeds=study.seeds)
     training = encode_training(config)
     unseen = encode_unseen(config, training)
     columns: dict[str, list[Any]] = {
         name: [] for name in ("variant", "title", "method", "targets", "mean", "half_width", "seeds")
     }
     with progress_bar("ranks of targets", len(variants), "variants") as advance:
-        for name, (title, changes) in variants.items():
-            file = study.out / f"{name}.csv"
+        for name, (title, _) in variants.items():
+            file = study.out / name / "ranks.csv"
             if not file.exists():
-                found = list(ranks(overlay(config, changes, ABLATION.name), training.scenes, unseen, study.seeds))
+                found = list(ranks(configs[name], training.scenes, unseen, study.seeds))
                 keys = [(method, targets) for method in PREDICTED for targets in TARGETS]
                 intervals = [mean_interval([of_seed[key] for of_seed in found]) for key in keys]
                 write_table(

@@ -8,6 +8,7 @@ import pytest
 
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.files import read_table
+from relm_irl_jax.results import PREDICTED
 from relm_irl_jax.studies.study import load_preset
 
 EXPERIMENTS = Path(__file__).parents[2] / "experiments"
@@ -42,6 +43,25 @@ def test_ranks_of_a_tiny_study_are_kept(study, tmp_path, monkeypatch):
     ):
         with pytest.raises(InputError, match=fault):
             study.main(replace(settings, **changed))
-    file = (tmp_path / "base.csv").read_text()
-    (tmp_path / "lp.csv").write_text(file.replace("base", "lp"))
-    assert set(read_table(study.main(settings))["variant"]) == {"base", "lp"}
+
+
+@pytest.fixture
+def of_one_variant(study, tmp_path, monkeypatch):
+    """Runs the study of one variant, every rank 1."""
+    rank = dict.fromkeys([(method, targets) for method in PREDICTED for targets in study.TARGETS], 1.0)
+    monkeypatch.setattr(study, "ranks", lambda *_: [rank, rank])
+    config = load_preset(EXPERIMENTS / "smoke.toml")
+    return lambda name: study.main(study.Study(tmp_path, seeds=2, variants=(name,), config=config))
+
+
+def test_a_table_is_of_all_variants_that_the_folder_holds(of_one_variant):
+    of_one_variant("lp")
+    assert set(read_table(of_one_variant("base"))["variant"]) == {"base", "lp"}
+
+
+def test_ranks_of_a_variant_whose_settings_have_changed_are_refused(of_one_variant, study, monkeypatch):
+    of_one_variant("strong")
+    changed = study.reward_variants() | {"strong": ("changed", {"irl": {"max_margin": {"regularisation": 7.0}}})}
+    monkeypatch.setattr(study, "reward_variants", lambda: changed)
+    with pytest.raises(InputError, match=r"strong holds results with other settings \(irl\); give another folder"):
+        of_one_variant("strong")
