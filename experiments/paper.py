@@ -13,9 +13,9 @@
 Tables 1 to 3 and Figures 6 and 11 are of the pieces `siamese` (the paper's agent) and `metric`, Figures 7 to 10 of
 `elm`. The piece `map` measures the mapping agent in unseen rooms. Some pieces run only where they are named:
 `vizdoom` and `map-vizdoom`, whose scenes have to be recorded first, `metric-reward-alone`, `regularisation`,
-`siamese-long`, which trains with more frames, and `siamese-rooms`, `unseen` and `many-rooms`, which train on up to
-hundreds of rooms. The presets lie in experiments/paper. Runs go where joblib's context sends them: a
-script that calls `main` within `joblib.parallel_config` can spread them over a cluster.
+`siamese-long`, which trains with more frames, and `siamese-rooms` and `many-rooms`, which train agents on up to
+hundreds of rooms. The presets lie in experiments/paper. Runs go where joblib's context sends them: a script that calls
+`main` within `joblib.parallel_config` can spread them over a cluster.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -74,7 +74,12 @@ Piece = Literal[
     "report",
 ]
 NAMED = (
-    *("vizdoom", "map-vizdoom", "metric-reward-alone", "siamese-long", "siamese-rooms", "unseen", "many-rooms"),
+    "vizdoom",
+    "map-vizdoom",
+    "metric-reward-alone",
+    "siamese-long",
+    "siamese-rooms",
+    "many-rooms",
     "regularisation",
 )
 """Pieces that run only where they are named."""
