@@ -113,6 +113,7 @@ def main(study: Study) -> Path:
     known = reward_variants()
     if unknown := set(study.variants) - set(known):
         raise InputError(f"variants: there is no {min(unknown)}; known variants: {', '.join(known)}.")
+    check_settings(study.out, config, PREDICTION_FIELDS, seeds=study.seeds)
     # The table is of all variants that the folder holds, whichever were measured now.
     held = [name for name in known if (study.out / name / "ranks.csv").exists()]
     variants = {name: known[name] for name in known if name in (*held, *(study.variants or known))}
