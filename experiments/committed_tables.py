@@ -160,7 +160,8 @@ EXAMPLE_COLUMNS = ("agent", "task", *METRICS)
 def _on_accelerator(run: RunFolder) -> bool:
     """Whether a run was made with an accelerator."""
     path = run.hardware
-    return path.is_file() and set(load_stage_times(path).hardware.devices) != {"cpu"}
+    computers = load_stage_times(path).computers if path.is_file() else ()
+    return any(set(computer.devices) != {"cpu"} for computer in computers)
 
 
 def _example_rows(path: Path) -> list[tuple[str, ...]]:

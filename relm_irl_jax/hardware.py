@@ -38,6 +38,14 @@ class Hardware:
     python: str
     packages: dict[str, str]
 
+    def __str__(self) -> str:
+        """The description in one line."""
+        packages = ", ".join(f"{name} {version}" for name, version in self.packages.items())
+        return (
+            f"{self.processor}, {self.cores} cores, {', '.join(self.devices)}; {self.system}, Python {self.python}, "
+            f"{packages}"
+        )
+
 
 @dataclass(frozen=True)
 class StageTimes:
@@ -46,10 +54,17 @@ class StageTimes:
     Attributes:
         hardware: the computer that ran the last stage.
         seconds: total seconds of each stage, over all calls.
+        earlier: other computers, or other versions of the packages, that ran stages before it.
     """
 
     hardware: Hardware
     seconds: dict[str, float]
+    earlier: tuple[Hardware, ...] = ()
+
+    @property
+    def computers(self) -> tuple[Hardware, ...]:
+        """All computers that ran a stage, the last one first."""
+        return (self.hardware, *self.earlier)
 
 
 _STAGE_TIMES = TypeAdapter(StageTimes)
@@ -178,7 +193,7 @@ def load_stage_times(path: Path) -> StageTimes:
 
 @dataclass(frozen=True)
 class Stopwatch:
-    """Adds up the seconds of each stage, and writes them to the run folder with a description of the computer.
+    """Adds up the seconds of each stage, and writes them to the run folder with the computers that ran stages.
 
     Attributes:
         path: the file, `RunFolder.hardware`.
@@ -192,12 +207,14 @@ class Stopwatch:
         start = time.perf_counter()
         yield
         duration = time.perf_counter() - start
+        computer = describe_computer()
         try:
-            previous = load_stage_times(self.path).seconds
+            previous = load_stage_times(self.path)
         except InputError:  # missing or damaged: this loses the times of earlier stages, but not the run
-            previous = {}
-        seconds = previous | {stage: round(previous.get(stage, 0.0) + duration, 2)}
-        write_json(self.path, _STAGE_TIMES.dump_python(StageTimes(describe_computer(), seconds), mode="json"))
+            previous = StageTimes(computer, {})
+        seconds = previous.seconds | {stage: round(previous.seconds.get(stage, 0.0) + duration, 2)}
+        earlier = tuple(other for other in previous.computers if other != computer)
+        write_json(self.path, _STAGE_TIMES.dump_python(StageTimes(computer, seconds, earlier), mode="json"))
 
 
 def processor_name() -> str:

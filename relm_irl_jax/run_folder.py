@@ -2,7 +2,7 @@
 
     config.json                           the configuration as run
     .lock                                 held by the process that writes to the folder
-    hardware.json                         the computer, and the duration of each stage
+    hardware.json                         the computers, and the duration of each stage
     encoder.json                          name and checksum of the encoder
     demonstrations.json                   name and checksum of the file of recorded demonstrations, if there is one
     agents/METHOD-seed-S.safetensors      network weights
@@ -50,7 +50,7 @@ class RunFolder:
 
     @property
     def hardware(self) -> Path:
-        """Path of the description of the computer and the duration of each stage."""
+        """Path of the description of the computers and the duration of each stage."""
         return self.path / "hardware.json"
 
     @property

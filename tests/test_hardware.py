@@ -22,6 +22,19 @@ def test_stages_add_up(tmp_path):
     assert times.seconds["evaluation"] == 1.5
     assert 0 <= times.seconds["training rl"] < 1
     assert times.hardware == describe_computer()
+    assert [computer.processor for computer in times.earlier] == ["abacus"]
+
+
+def test_a_computer_to_which_a_run_returns_is_named_once(tmp_path, monkeypatch):
+    path = tmp_path / "hardware.json"
+    write_json(path, HARDWARE)
+    here, elsewhere = describe_computer(), load_stage_times(path).hardware
+    for computer in (here, elsewhere):
+        monkeypatch.setattr(hardware, "describe_computer", lambda computer=computer: computer)
+        with Stopwatch(path)("evaluation"):
+            pass
+        assert load_stage_times(path).hardware == computer
+    assert load_stage_times(path).computers == (elsewhere, here)
 
 
 def test_a_damaged_file_is_written_anew(tmp_path):

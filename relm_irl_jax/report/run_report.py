@@ -290,21 +290,17 @@ def _shown(figure: DrawnFigure, base: Path) -> list[str]:
 
 
 def _hardware(folder: RunFolder, heading: str) -> list[str]:
-    """The computer and the duration of stages; one line if they cannot be read."""
+    """The computers and the duration of stages; one line if they cannot be read."""
     try:
         times = load_stage_times(folder.hardware)
     except InputError as error:
         return [f"{heading} Hardware and time", "", f"Not shown: {as_message(str(error))}", ""]
-    hardware = times.hardware
-    packages = as_text(", ".join(f"{name} {version}" for name, version in hardware.packages.items()))
+    computers = [as_text(str(computer)) for computer in times.computers]
     return [
         f"{heading} Hardware and time",
         "",
-        as_text(
-            f"{hardware.processor}, {hardware.cores} cores, {', '.join(hardware.devices)}; {hardware.system}, Python "
-            f"{hardware.python}, "
-        )
-        + f"{packages}.",
+        f"{computers[0]}.",
+        *(f"Stages before the last one also ran on: {computer}." for computer in computers[1:]),
         "",
         "| Stage (total over calls and seeds) | Seconds |",
         "|---|---:|",

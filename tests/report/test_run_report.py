@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from run_folders import CONFIG, draw_nothing, write_run
+from run_folders import CONFIG, HARDWARE, draw_nothing, write_run
 
 from relm_irl_jax.errors import InputError
 from relm_irl_jax.files import read_table, write_json
@@ -105,6 +105,14 @@ def test_the_report_is_drawn_without_agents_or_jax_and_from_its_folder_alone(dra
         if not name.startswith((str(folder.path), *code)) and not name.endswith((".ttf", ".py", ".pyc"))
     ]  # fmt: skip
     assert foreign == []
+
+
+def test_all_computers_of_a_run_are_named(tmp_path, undrawn):
+    folder = write_run(tmp_path, {"random": [0.1], "rl": [0.5]})
+    other = HARDWARE["hardware"] | {"processor": "slide rule"}
+    write_json(folder.hardware, HARDWARE | {"earlier": [other]})
+    text = write_report(folder).with_suffix(".md").read_text()
+    assert "abacus, 2 cores, cpu; Linux, Python 3.11, jax 0.10.\nStages before the last one also ran on: slide" in text
 
 
 def test_one_seed_has_no_intervals_and_no_differences(tmp_path, undrawn):

@@ -82,7 +82,8 @@ def attacked(folder, attack):
     write_json(folder.config, CONFIG | texts)
     hardware = json.loads(folder.hardware.read_text())
     hardware["hardware"] |= {"processor": attack, "devices": [attack], "packages": {attack: attack}}
-    write_json(folder.hardware, {"hardware": hardware["hardware"], "seconds": {attack: 1.0}})
+    computer = hardware["hardware"]
+    write_json(folder.hardware, {"hardware": computer, "seconds": {attack: 1.0}, "earlier": [computer]})
 
 
 def test_a_report_of_attacks_has_no_markup_of_theirs(tmp_path, monkeypatch):
