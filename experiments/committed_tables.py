@@ -10,7 +10,7 @@ from relm_irl_jax.report.tables import MEAN, interval_of, methods_of
 from relm_irl_jax.results import read_results
 from relm_irl_jax.run_config import load_run_config
 from relm_irl_jax.run_folder import RunFolder
-from relm_irl_jax.studies.ablation import BASE, METRICS
+from relm_irl_jax.studies.ablation import BASE, COMPARED_METRICS
 from relm_irl_jax.studies.page import RUN_TITLES, STUDY_TEXTS
 
 ROOT = Path(__file__).parents[1]
@@ -153,7 +153,7 @@ FILES = {
 }
 """Single tables and figures of a study, and their places in `docs`."""
 
-EXAMPLE_COLUMNS = ("agent", "task", *METRICS)
+EXAMPLE_COLUMNS = ("agent", "task", *COMPARED_METRICS)
 """Columns of the table of agents of other programs."""
 
 
@@ -168,6 +168,10 @@ def _example_rows(path: Path) -> list[tuple[str, ...]]:
     """Agent, task, SR and SPL of each agent of a file of results, means over room types and seeds."""
     results = read_results(path)
     return [
-        (method, results.task, *(str(interval_of(results.rows, method, metric, MEAN).mean) for metric in METRICS))
+        (
+            method,
+            results.task,
+            *(str(interval_of(results.rows, method, metric, MEAN).mean) for metric in COMPARED_METRICS),
+        )
         for method in methods_of(results.rows)
     ]

@@ -11,7 +11,7 @@ from relm_irl_jax.report.intervals import MeanInterval, intervals_of_rows
 from relm_irl_jax.report.names import TASK_NAMES, in_order, method_name, metric_name
 from relm_irl_jax.report.tables import MEAN, paper_value
 from relm_irl_jax.results import PREDICTED, TASKS
-from relm_irl_jax.studies.ablation import BASE, METRICS, load_ablation
+from relm_irl_jax.studies.ablation import BASE, COMPARED_METRICS, load_ablation
 from relm_irl_jax.studies.rooms_figure import counts_of_rooms, unseen_by_rooms
 from relm_irl_jax.studies.search_page import (
     failed_rooms_table,
@@ -167,7 +167,7 @@ def variants(name: str, *agents: str) -> list[str]:
     ranks = dict(_intervals(f"{name}.csv", "agent", "variant", columns=("rank", "rank_half_width")))
     shown = [key for key in ranks if not agents or key[0] in agents]
     ranked = not all(math.isnan(ranks[key].mean) for key in shown)
-    columns = [(task, metric) for task in ("I", "II") for metric in METRICS]
+    columns = [(task, metric) for task in ("I", "II") for metric in COMPARED_METRICS]
     headings = ["Agent", "", *(["Rank"] if ranked else [])]
     headings += [f"Task {task}: {metric_name(metric)}" for task, metric in columns]
     lines = ["| " + " | ".join(headings) + " |", "|---|---|" + "---:|" * (len(headings) - 2)]

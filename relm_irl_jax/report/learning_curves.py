@@ -24,7 +24,7 @@ WINDOW = 5
 SUCCESS_LEVEL = 0.99
 """Success rate at which training counts as successful."""
 
-METRICS = {"path_length_error": "PLE in actions", "success_rate": "SR", "spl": "SPL"}
+CURVE_METRICS = {"path_length_error": "PLE in actions", "success_rate": "SR", "spl": "SPL"}
 """Columns of a learning curve that are drawn, with their labels."""
 
 
@@ -89,7 +89,7 @@ def running_mean(curve: TrainingCurve, metric: str) -> Float64[np.ndarray, "chun
 
     Args:
         curve: the curve.
-        metric: one of `METRICS`.
+        metric: one of `CURVE_METRICS`.
 
     Returns:
         The running mean; NaN if no episode ended.
@@ -108,7 +108,7 @@ def confidence_band(curves: Sequence[TrainingCurve], metric: str) -> ConfidenceB
 
     Args:
         curves: one curve for each seed, all with the same frames.
-        metric: one of `METRICS`.
+        metric: one of `CURVE_METRICS`.
 
     Returns:
         The band; seeds without a running mean at a chunk do not count there.
@@ -145,7 +145,7 @@ def learning_figure(curves: MethodCurves) -> Figure:
         The figure: means over seeds, with bands of 95% intervals if there are several seeds.
     """
     figure = Figure(figsize=(10.5, 3.6), layout="constrained")
-    for panel, (metric, label) in zip(figure.subplots(1, len(METRICS)), METRICS.items(), strict=True):
+    for panel, (metric, label) in zip(figure.subplots(1, len(CURVE_METRICS)), CURVE_METRICS.items(), strict=True):
         for method, by_seed in curves.items():
             band = confidence_band(list(by_seed.values()), metric)
             millions = band.frames / 1e6
@@ -172,7 +172,7 @@ def band_columns(curves: MethodCurves) -> dict[str, list]:
     """
     columns: dict[str, list] = {"method": [], "frames": []}
     for method, by_seed in curves.items():
-        bands = {metric: confidence_band(list(by_seed.values()), metric) for metric in METRICS}
+        bands = {metric: confidence_band(list(by_seed.values()), metric) for metric in CURVE_METRICS}
         frames = next(iter(bands.values())).frames
         columns["method"] += [method] * len(frames)
         columns["frames"] += frames.tolist()

@@ -26,7 +26,8 @@ from relm_irl_jax.studies.study import complete_run, complete_runs, is_finished,
 BASE = "base"
 """Name of the runs with which variants are compared."""
 
-METRICS = ("sr", "spl")
+COMPARED_METRICS = ("sr", "spl")
+"""What the rows of a study are compared by: success rate, and success weighted by path length."""
 
 BySeed = dict[tuple[str, str], dict[int, float]]
 """Values of each task and metric, by seed."""
@@ -224,7 +225,7 @@ def ablation_rows(ablation: Ablation, changes: Mapping[str, Any], folder: Path) 
             values_by_seed: BySeed = {
                 (task, metric): by_seed(results[task].rows, method, metric, MEAN)
                 for task in ablation.tasks
-                for metric in METRICS
+                for metric in COMPARED_METRICS
             }
             if name == BASE:
                 base = values_by_seed

@@ -6,7 +6,7 @@ from relm_irl_jax.report.comparison import markdown_difference
 from relm_irl_jax.report.intervals import MeanInterval, intervals_of_rows, paired_difference
 from relm_irl_jax.report.names import metric_name
 from relm_irl_jax.results import TASKS
-from relm_irl_jax.studies.ablation import METRICS, AblationRow
+from relm_irl_jax.studies.ablation import COMPARED_METRICS, AblationRow
 
 CONTRIBUTIONS = {
     "memory": ("recurrent", "siamese"),
@@ -52,7 +52,7 @@ def contributions_table(table: Mapping[str, Sequence]) -> list[str]:
     found: dict[tuple[str, int], dict[tuple[str, str], MeanInterval]] = {}
     for (part, rooms, task, metric), value in intervals_of_rows(table, "part", "rooms", "task", "metric"):
         found.setdefault((part, int(rooms)), {})[task, metric] = value
-    keys = [(task, metric) for task in TASKS for metric in METRICS]
+    keys = [(task, metric) for task in TASKS for metric in COMPARED_METRICS]
     lines = ["| Added | Rooms | " + " | ".join(f"Task {task}: {metric_name(metric)}" for task, metric in keys) + " |"]
     lines.append("|---|---:|" + "---:|" * len(keys))
     for (part, rooms), differences in found.items():

@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 
 from relm_irl_jax.report.intervals import MeanInterval, intervals_of_rows
 from relm_irl_jax.report.names import metric_name
-from relm_irl_jax.studies.ablation import METRICS
+from relm_irl_jax.studies.ablation import COMPARED_METRICS
 
 ByRooms = dict[str, dict[int, dict[str, MeanInterval]]]
 """Metrics in unseen rooms, by the line of the figure and the number of training rooms."""
@@ -57,8 +57,8 @@ def rooms_figure(lines: ByRooms) -> Figure:
         The figure; bars are 95% intervals over seeds.
     """
     figure = Figure(figsize=(10.4, 3.6), layout="constrained")
-    panels = figure.subplots(1, len(METRICS))
-    for panel, metric in zip(panels, METRICS, strict=True):
+    panels = figure.subplots(1, len(COMPARED_METRICS))
+    for panel, metric in zip(panels, COMPARED_METRICS, strict=True):
         for number, (line, by_rooms) in enumerate(lines.items()):
             values = [by_rooms[count][metric] for count in sorted(by_rooms)]
             panel.errorbar(

@@ -15,7 +15,7 @@ from relm_irl_jax.report.names import heading
 from relm_irl_jax.report.tables import MEAN, by_seed, columns_of, interval_of
 from relm_irl_jax.results import ResultRow, Task
 from relm_irl_jax.scenes.settings import ROOM_TYPES
-from relm_irl_jax.studies.ablation import METRICS
+from relm_irl_jax.studies.ablation import COMPARED_METRICS
 
 METRIC_COLUMNS = ("seed", "scene", "room_type", "episodes", "sr", "ple", "spl")
 """Columns of a row's file: one line for each scene and seed."""
@@ -174,7 +174,7 @@ def search_table(rows: Sequence[SearchRow], out: Path) -> list[str]:
     for row in rows:
         results = _results(row, out)
         values = [
-            " / ".join(str(interval_of(results, row.agent, metric, column)) for metric in METRICS)
+            " / ".join(str(interval_of(results, row.agent, metric, column)) for metric in COMPARED_METRICS)
             if column in columns_of(results)
             else ""
             for column in columns
@@ -202,7 +202,9 @@ def learned_rewards_table(rows: Sequence[SearchRow], out: Path) -> list[str]:
     lines = ["| Minus the search without a learned reward | SR | SPL |", "|---|---:|---:|"]
     for agent in LEARNED:
         if agent in results:
-            pairs = [[by_seed(results[name], name, metric, MEAN) for name in (agent, ALIKE)] for metric in METRICS]
+            pairs = [
+                [by_seed(results[name], name, metric, MEAN) for name in (agent, ALIKE)] for metric in COMPARED_METRICS
+            ]
             cells = [markdown_difference(paired_difference(*pair)[0]) for pair in pairs]
             lines.append(f"| {NAMES[agent]} | " + " | ".join(cells) + " |")
     return lines

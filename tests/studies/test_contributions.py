@@ -6,7 +6,7 @@ import pytest
 
 from relm_irl_jax.report.intervals import MeanInterval
 from relm_irl_jax.results import TASKS
-from relm_irl_jax.studies.ablation import METRICS, AblationRow
+from relm_irl_jax.studies.ablation import COMPARED_METRICS, AblationRow
 from relm_irl_jax.studies.contributions import contributions, contributions_table
 from relm_irl_jax.studies.page import write_study
 
@@ -16,7 +16,7 @@ def row(line: str, rooms: int, values: dict[int, float]) -> AblationRow:
     by_seed = {
         (task, metric): {seed: value / (1 + number) for seed, value in values.items()}
         for task in TASKS
-        for number, metric in enumerate(METRICS)
+        for number, metric in enumerate(COMPARED_METRICS)
     }
     agent = line.partition(",")[0]
     unknown = MeanInterval(inf, inf)
@@ -38,7 +38,7 @@ ROWS = [
 def test_agents_are_compared_in_the_same_rooms_on_the_seeds_of_both():
     table = contributions(ROWS)
     rows = list(zip(*table.values(), strict=True))
-    assert len(rows) == 3 * len(TASKS) * len(METRICS)
+    assert len(rows) == 3 * len(TASKS) * len(COMPARED_METRICS)
     success = {row[:2]: row[4:] for row in rows if row[2:4] == ("III", "sr")}
     assert success["memory", 6] == (pytest.approx(0.3), pytest.approx(0, abs=1e-12), 2)
     assert ("memory", 60) not in success
