@@ -1,6 +1,7 @@
 """The committed tables of the documentation, and what copies those of a study there."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import compress
 from pathlib import Path
 
 from relm_irl_jax.errors import InputError
@@ -37,9 +38,16 @@ def copy_tables(study: Path) -> None:
     for path, target in copied:
         write_bytes(target, path.read_bytes())
     for path, keys in tables:
-        _merge(path.name, read_table(path), keys)
+        table = read_table(path)
+        _merge(path.name, _whole_pieces(table) if path.stem == "times" else table, keys)
     if examples:
         _merge("examples.csv", columns_of_rows(EXAMPLE_COLUMNS, dict.fromkeys(examples)), ("agent", "task"))
+
+
+def _whole_pieces(times: Mapping[str, list[str]]) -> dict[str, list[str]]:
+    """The times of pieces that ran as a whole; those of variants alone are named after a colon."""
+    whole = [":" not in piece for piece in times["piece"]]
+    return {name: list(compress(column, whole)) for name, column in times.items()}
 
 
 def _tables_of_runs(study: Path) -> Iterator[tuple[Path, Path]]:

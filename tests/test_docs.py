@@ -108,7 +108,8 @@ def test_tables_of_two_cores_and_of_a_gpu_are_kept_apart(monkeypatch, tmp_path):
         hardware = Hardware("a processor", 2, (device,), "a system", "3.11", {})
         write_json(run / "hardware.json", asdict(StageTimes(hardware, {})))
         (run / "tables" / "task-II.csv").write_text(device)
-        write_table(tmp_path / device / "tables" / "times.csv", {"piece": ["siamese"], "seconds": [len(device)]})
+        times = {"piece": ["siamese", "ablation: lp"], "seconds": [len(device), 9]}
+        write_table(tmp_path / device / "tables" / "times.csv", times)
         (run / "tables" / "learning.csv").write_text("no table of the pages")
         committed.copy_tables(tmp_path / device)
     assert (tmp_path / "siamese-task-II.csv").read_text() == "cpu"
