@@ -295,12 +295,12 @@ def _hardware(folder: RunFolder, heading: str) -> list[str]:
         times = load_stage_times(folder.hardware)
     except InputError as error:
         return [f"{heading} Hardware and time", "", f"Not shown: {as_message(str(error))}", ""]
-    computers = [as_text(str(computer)) for computer in times.computers]
+    last, *others = (as_text(str(computer)) for computer in times.computers)
     return [
         f"{heading} Hardware and time",
         "",
-        f"{computers[0]}.",
-        *(f"Stages before the last one also ran on: {computer}." for computer in computers[1:]),
+        f"{last}.",
+        *(f"Stages before the last one also ran on: {other}." for other in others),
         "",
         "| Stage (total over calls and seeds) | Seconds |",
         "|---|---:|",

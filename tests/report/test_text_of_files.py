@@ -80,9 +80,8 @@ def attacked(folder, attack):
     save_map(folder.reward_map("new", "bathroom"), replace(state_map(["rl", attack], start=0), category=attack))
     texts = {"scenes": attack, "agent": attack, "encoder": {"weights": attack}}
     write_json(folder.config, CONFIG | texts)
-    hardware = json.loads(folder.hardware.read_text())
-    hardware["hardware"] |= {"processor": attack, "devices": [attack], "packages": {attack: attack}}
-    computer = hardware["hardware"]
+    computer = json.loads(folder.hardware.read_text())["hardware"]
+    computer |= {"processor": attack, "devices": [attack], "packages": {attack: attack}}
     write_json(folder.hardware, {"hardware": computer, "seconds": {attack: 1.0}, "earlier": [computer]})
 
 
